@@ -1,6 +1,5 @@
 """Nothing of one flight is judged by another in silence."""
 
-import json
 import re
 import shutil
 
@@ -9,18 +8,15 @@ import pandas as pd
 import pytest
 
 import acx4sim
-from acx4book import campaigns
 from acx4book.command import acx4
 from acx4book.notebooks import runner
 from acx4book.notebooks.execute import execute
 from acx4book.report import material
 from acx4book.report.findings import findings
-from acx4files.exchange.outward import content
 from acx4files.flight import reader
 from acx4files.results import folder, provenance
 from acx4files.stages import mounting, validation
 from acx4lib.errors import FlightError
-from acx4lib.georeferencing.validation import validate
 from support.flights import written
 from support.run_results import stamp
 
@@ -85,19 +81,9 @@ def test_a_run_of_all_stages_replaces_the_results_of_a_flight_that_was_changed(f
 
 def test_a_stage_by_itself_refuses_the_results_of_another_flight(flown, tmp_path):
     mounting.run(reader.read(flown / "A"), tmp_path / "by_hand")
-    with pytest.raises(FlightError, match="of another flight .* or choose another folder"):
+    with pytest.raises(FlightError, match=r"of another flight .* or choose another folder"):
         validation.run(reader.read(flown / "B"), tmp_path / "by_hand")
     assert not [name for name in folder.entries(tmp_path / "by_hand") if "validation" in name]
-
-
-def test_a_stage_without_results_before_says_what_to_run_first(flown, tmp_path):
-    with pytest.raises(FlightError) as caught:
-        validation.run(reader.read(flown / "B"), tmp_path / "new")
-    assert str(caught.value) == (
-        f"{tmp_path}/new: no results of stage mounting; run first: "
-        "notebook 03-mounting-calibration, or "
-        f"acx4 run {flown}/B --results {tmp_path}/new --stages mounting"
-    )
 
 
 @pytest.mark.slow
@@ -172,34 +158,6 @@ def test_sigma_of_the_earlier_parameters_enters_the_differences(flown, tmp_path)
     assert np.median(after.validations[-1].points.sigma[:, 2]) > 0.2
 
 
-def test_open_calls_with_an_earlier_calibration_leave_what_a_run_leaves(flown, tmp_path):
-    later, before = reader.read(flown / "B"), flown / "results_A"
-    one, two = tmp_path / "one", tmp_path / "two"
-    stage = validation.run(later, one, before)
-    block = validation.measured(later, two, before)
-    methods = validation.calibrations(later, two, before)
-    found = {name: validate(block, fit, method=name) for name, fit in methods.items()}
-    validation.write(later, two, found, methods, before)
-    assert validation.whose(later, before) == stage.earlier
-    assert validation.whose(later, "") == ""
-    for name in ("validation.csv", "summary.json"):
-        assert (two / name).read_bytes() == (one / name).read_bytes()
-
-
-def test_a_validation_by_an_earlier_flight_is_executed_as_a_notebook(flown, tmp_path):
-    one, two = tmp_path / "numbers", tmp_path / "notebook"
-    for path, notebooks in ((one, None), (two, runner.NOTEBOOKS_PATH)):
-        runner.run(
-            *(flown / "B", path),
-            notebooks=notebooks,
-            stages=["validation"],
-            calibration=flown / "results_A",
-        )
-    for name in folder.FILES:
-        assert (one / name).read_bytes() == (two / name).read_bytes(), name
-    assert "that of an earlier flight" in (two / "notebooks" / "04-validation.ipynb").read_text()
-
-
 def test_other_cameras_are_named_a_line_each(flown, tmp_path):
     other = written.write_flight(tmp_path / "other", blocks=("calibration", "validation"))
     sizes = (
@@ -241,23 +199,3 @@ def test_a_folder_has_one_calibration(flown, tmp_path):
         runner.run(flown / "B", later, stages=["mounting"])
     runner.run(flown / "B", later)
     assert "calibration" not in provenance.read(later).stages["validation"]
-
-
-def test_an_earlier_calibration_is_for_the_validation_alone(flown, tmp_path, capsys):
-    status = command(
-        *("run", flown / "B", "--results", tmp_path / "r", "--numbers-only"),
-        *("--calibration", flown / "results_A", "--stages", "mounting"),
-    )
-    assert status == 2
-    assert "for the stage validation alone" in capsys.readouterr().err
-    assert not (tmp_path / "r").exists()
-
-
-def test_results_of_two_flights_are_not_exported_or_compared(flown, tmp_path):
-    results = copied(flown, tmp_path, "results_A")
-    summary = json.loads((results / "summary.json").read_text())
-    summary["run"]["stages"]["mounting"]["flight"] = digest(flown / "B")
-    (results / "summary.json").write_text(json.dumps(summary))
-    for read in (campaigns.read, content.read):
-        with pytest.raises(FlightError, match="stage mounting are of another flight"):
-            read(results)

@@ -5,7 +5,6 @@ import shutil
 import pandas as pd
 import pytest
 
-import acx4 as acx
 import acx4sim
 from acx4book.notebooks import runner
 from acx4book.notebooks.execute import NotebookError
@@ -13,7 +12,6 @@ from acx4files.results import folder as results
 from acx4files.results import provenance
 from acx4files.results.own_folder import LOCK
 from acx4files.results.whole_files import SCRATCH
-from acx4lib.errors import OutputError
 from support.flights import written
 from support.helpers import write_notebook
 
@@ -95,20 +93,6 @@ def test_two_runs_leave_the_same_bytes_and_skipped_stages_leave_nothing(
 
 
 @pytest.mark.slow
-def test_a_stage_alone_replaces_only_its_own(tmp_path, flight_path, notebooks_path):
-    runner.run(flight_path, tmp_path / "results", notebooks=notebooks_path)
-    path = notebooks_path / "04-validation.ipynb"
-    path.write_text(path.read_text().replace("seed = 1", "seed = 5"))
-    runner.run(
-        flight_path,
-        tmp_path / "results",
-        stages=["validation"],
-        notebooks=notebooks_path,
-    )
-    assert results.read(tmp_path / "results").parameters["value"].tolist() == [1.0, 5.0]
-
-
-@pytest.mark.slow
 def test_a_failing_notebook_changes_nothing_and_is_kept_until_it_succeeds(
     tmp_path, flight_path, notebooks_path
 ):
@@ -150,26 +134,6 @@ def test_what_is_not_determined_or_left_out_is_said_after_all_stages(
     report = runner.run(flight_path, tmp_path / "results", notebooks=notebooks_path)
     assert report.not_determined == ("lever_z_m",)
     assert report.left_out == ("two_step needs control",)
-
-
-def test_nothing_runs_where_an_argument_is_wrong(tmp_path, flight_path, notebooks_path):
-    folder = tmp_path / "results"
-
-    with pytest.raises(ValueError, match="unknown stage 'mountain'; known: heads, synthetic"):
-        runner.run(flight_path, folder, notebooks=notebooks_path, stages=["mountain"])
-    with pytest.raises(FileNotFoundError, match=r"00-flight\.ipynb: no such notebook"):
-        runner.run(flight_path, folder, notebooks=tmp_path)
-    assert not folder.exists()
-
-
-def test_results_that_acx4_did_not_write_stop_the_run(tmp_path, flight_path, notebooks_path):
-    folder = tmp_path / "results"
-    folder.mkdir()
-    pd.DataFrame({"stage": ["heads"]}).to_csv(folder / "parameters.csv")
-    before = contents(folder)
-    with pytest.raises(OutputError, match=r"acx4 did not write \(parameters\.csv\)"):
-        runner.run(flight_path, folder, notebooks=notebooks_path)
-    assert contents(folder) == before
 
 
 @pytest.mark.slow
@@ -221,16 +185,6 @@ def test_a_rig_runs_where_a_block_of_heads_has_several(tmp_path, notebooks_path,
         assert report.left_out == ("mounting/rig: no",)
         assert report.notes[-1] == "hm"
         assert report.not_determined == ()
-
-
-def test_a_run_repeats_what_reading_the_flight_remarked(tmp_path, flight_path, notebooks_path):
-    flight = shutil.copytree(flight_path, tmp_path / "flight")
-    (flight / "old").mkdir()
-    (flight / "old" / "images.csv").write_text("image\n")
-    notes = acx.read(flight).notes
-    assert any(note.startswith("old/images.csv is in no block") for note in notes)
-    report = runner.run(flight, tmp_path / "results", stages=[], notebooks=notebooks_path)
-    assert report.notes == notes
 
 
 def test_what_a_killed_run_left_behind_is_removed(tmp_path, flight_path, notebooks_path):

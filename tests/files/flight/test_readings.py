@@ -69,8 +69,20 @@ MISFITS = [
         "lat_deg",
         "lat_deg, lon_deg were in radians",
     ),
-    ("geographic", TRAJECTORY, negative("lon_deg"), "lat_deg", "lat_deg, lon_deg were of opposite sign (lon_deg)"),
-    ("geographic", TRAJECTORY, negative("lat_deg"), "lat_deg", "lat_deg, lon_deg were of opposite sign (lat_deg)"),
+    (
+        "geographic",
+        TRAJECTORY,
+        negative("lon_deg"),
+        "lat_deg",
+        "lat_deg, lon_deg were of opposite sign (lon_deg)",
+    ),
+    (
+        "geographic",
+        TRAJECTORY,
+        negative("lat_deg"),
+        "lat_deg",
+        "lat_deg, lon_deg were of opposite sign (lat_deg)",
+    ),
     (
         "geographic",
         TRAJECTORY,

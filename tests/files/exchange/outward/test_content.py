@@ -17,9 +17,7 @@ from acx4files.exchange.outward.content import (
     R_C_V,
     Calibrated,
     Taken,
-    near,
     orient,
-    sentences,
     to_first,
 )
 from acx4files.exchange.outward.programs import KINDS
@@ -162,9 +160,6 @@ def test_sigma_of_angles_is_that_of_many_rotations(rng):
     assert_allclose(one.sigma_opk, opk.std(axis=0), rtol=0.03)  # 4 sigma of 20 000 draws
 
 
-# --- What exports write: pictures taken, settings, orientations, Brown's model
-
-
 # --- orientations ----------------------------------------------------------------------------
 #
 # Orientations by direct georeferencing, held against PROJ, another program, and the contract.
@@ -256,20 +251,6 @@ FAR = Taken(
 )
 
 
-def test_files_and_what_is_said_of_them_are_written_and_replaced(tmp_path):
-    content.write(FAR, tmp_path / "out", title="some: A, B", origin="by hand")
-    assert (tmp_path / "out/a/b.txt").read_text() == "1\n"
-    assert (tmp_path / "out/export.md").read_text() == (
-        "# some: A, B\n\nBy hand.\n\n## Lenses\n\n"
-        "- A: lens refitted over the whole image, off by at most 0.2000 px, rms 0.1000 px\n"
-        "- B: lens refitted over the whole image, off by at most 0.0100 px, rms 0.0000 px\n\n"
-        "## Conventions\n\n- y is down\n\n## Left out\n\n- colours\n"
-    )
-    content.write(Taken(files={"c.txt": ""}), tmp_path / "out", title="other", origin="x")
-    left = {path.name for path in (tmp_path / "out").rglob("*")}
-    assert left == {"a", "b.txt", "c.txt", "export.md"}
-
-
 def test_a_folder_of_others_is_left_alone(tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
     with pytest.raises(OutputError, match="holds what acx4 export did not write"):
@@ -312,13 +293,6 @@ def test_sigma_of_the_mounting_is_along_and_about_the_bodys_axes(single, rng):
     drawn = R @ exp(rng.multivariate_normal(np.zeros(3), cov[3:, 3:], size=20_000)) @ R.T
     about = np.stack([drawn[:, 2, 1], drawn[:, 0, 2], drawn[:, 1, 0]])
     assert_allclose(own["mount_sigma_deg"], np.degrees(about.std(axis=1)), rtol=0.03)
-
-
-def test_a_mounting_that_was_not_estimated_is_said(rig):
-    found = replace(content.read(rig), method="refined")
-    made = KINDS["toml"].cameras(found)
-    assert programs.NOT_MOUNTED in made.assumed
-    assert "lever_sigma_m" not in made.files["cameras.toml"]
 
 
 def test_a_synthetic_camera_keeps_its_frame(rig):
@@ -382,30 +356,3 @@ def test_an_untouched_lens_goes_back_as_it_came(name, way):
         [one.k1, one.k2, one.k3, one.p1, one.p2], [k1, k2, k3, p1, p2], rtol=1e-4, atol=1e-7
     )
     assert one.left.returned
-
-
-def test_a_lens_that_was_estimated_is_the_nearest_one():
-    _, camera = imported(LENSES["as made by a factory"])
-    one = brown.of_all(brown_calibrated(camera, touched=True))["CAM"]
-    assert one == brown.brown(camera)
-    assert not one.left.returned
-
-
-def test_a_lens_of_other_pixels_than_the_program_has_is_the_nearest_one():
-    """Two focal lengths are no lens of one."""
-    _, camera = imported(LENSES["as made by a factory"], fy=1463.0)
-    one = brown.square(brown_calibrated(camera, touched=False))["CAM"]
-    assert not one.left.returned
-    assert brown.of_all(brown_calibrated(camera, touched=False))["CAM"].left.returned
-
-
-def test_what_goes_back_as_it_came_is_not_held_against_the_refit():
-    _, camera = imported(LENSES["of which f, xp, yp are fitted"])
-    lenses = brown.lenses(brown.of_all(brown_calibrated(camera, touched=False)))
-    assert lenses["CAM"].largest_px > 0.05
-    taken = Taken(files={}, lenses=lenses)
-    assert near(taken, 0.05) == taken
-    assert "not estimated, so that it goes back as it came" in sentences(taken)[0]
-    nearest = brown.lenses(brown.of_all(brown_calibrated(camera, touched=True)))
-    with pytest.raises(OutputError, match=r"more than 0\.05 px"):
-        near(Taken(files={}, lenses=nearest), 0.05)
