@@ -91,8 +91,9 @@ fuzz: .venv/.stamp-test ## read N mutated flights, drawn by SEED
 mistakes: .venv/.stamp-test ## plant every systematic mistake in flights of every size, and count what is named rightly
 	$(TESTS) benchmarks.planted_mistakes
 
-bench: .venv/.stamp-test ## time commands, and the adjustment beside others, for data/benchmarks
+bench: .venv/.stamp-test ## time commands, and the adjustment beside Ceres, for data/benchmarks
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.bench
+	@PYTHONPATH=tests $(BIN)/python -m benchmarks.adjusting.adjustment
 
 coverage: .venv/.stamp-test ## errors of simulated flights over their sigma, and their verdicts, for data/benchmarks
 	$(TESTS) benchmarks.coverage_flights

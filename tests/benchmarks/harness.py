@@ -8,16 +8,14 @@ import platform
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any
 
-if TYPE_CHECKING:  # processes whose memory is measured do without
-    import pandas as pd
+import pandas as pd
 
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "data" / "benchmarks"
@@ -30,8 +28,8 @@ ENVIRONMENT = {
     **{f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS")},
     "PYTHONPATH": os.pathsep.join([str(ROOT / "tests"), os.environ.get("PYTHONPATH", "")]),
 }
-"""Linear algebra on one thread: on two it costs everyone more. Solvers have their own."""
-PACKAGES = ("acx4lib", "numpy", "scipy", "numba", "pycolmap")
+"""Linear algebra on one thread: on two it costs everyone more."""
+PACKAGES = ("acx4lib", "numpy", "scipy", "numba")
 
 
 def about() -> dict[str, Any]:
@@ -98,31 +96,22 @@ def commit() -> str:
         return "unknown"
 
 
-# --- processes ---------------------------------------------------------------------------------
-
-
-def reported(
-    script: Path, *arguments: str, environment: Mapping[str, str] | None = None
-) -> dict[str, Any]:
-    """Run a script in a fresh process; return what it reports."""
-    command = [sys.executable, str(script), *arguments]
-    found: dict[str, Any] = json.loads(called(command, environment).splitlines()[-1])
-    return found
-
-
-def called(command: Sequence[str], environment: Mapping[str, str] | None = None) -> str:
+def called(command: Sequence[str]) -> str:
     """Run a command and return its standard output; end this program where it fails."""
-    own = os.environ | ENVIRONMENT if environment is None else environment
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=own)
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, env=os.environ | ENVIRONMENT
+    )
     if done.returncode:
         lines = done.stderr.strip().splitlines() or ["no message"]
         sys.exit(f"{' '.join(command[:4])} failed: {lines[-1]}")
     return done.stdout
 
 
-def timed(*command: str, environment: Mapping[str, str] | None = None) -> dict[str, Any]:
+def timed(*command: str) -> dict[str, Any]:
     """Run a command; return the seconds and the memory of all its processes."""
-    return reported(COMMAND, *command, environment=environment)
+    done = called([sys.executable, str(COMMAND), *command])
+    found: dict[str, Any] = json.loads(done.splitlines()[-1])
+    return found
 
 
 # --- results -----------------------------------------------------------------------------------
@@ -161,30 +150,3 @@ def write(
         for made in sorted(Path(fresh).iterdir()):
             made.replace(folder / made.name)
     sys.stderr.write(f"{folder / name}.json\n")
-
-
-# --- what a solver's process says of itself: seconds and memory, as JSON on standard output ----
-
-
-T = TypeVar("T")
-
-
-def memory_mb(key: str) -> float:
-    """Return VmRSS (now) or VmHWM (at most so far) of this process, MB.
-
-    Not `resource.getrusage`: its maximum includes what the process was before it was this program.
-    """
-    status = Path("/proc/self/status").read_text(encoding="ascii")
-    return next(int(line.split()[1]) / 1024 for line in status.splitlines() if key in line)
-
-
-def clocked(function: Callable[[], T]) -> tuple[T, dict[str, float]]:
-    """Call a function; return what it returns, and wall and CPU seconds of all its threads."""
-    wall, cpu = time.perf_counter(), time.process_time()
-    result = function()
-    return result, {"wall_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu}
-
-
-def report(values: dict[str, Any]) -> None:
-    """Write the measurements."""
-    sys.stdout.write(json.dumps(values) + "\n")

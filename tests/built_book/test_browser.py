@@ -169,12 +169,6 @@ def light_on_the_dark(book):
         book.complain(f"a card behind a figure in the dark: {seen['cards']}")
 
 
-def test_some_pages_have_mathematics_and_drawings(chapters):
-    """Or the comparisons above would compare nothing."""
-    assert len(chapters["frames-and-notation.html"].select("div.math")) >= 14
-    assert any(page.select("div.drawing") for page in chapters.values())
-
-
 def test_the_button_switches_to_the_dark_and_back(window):
     page = window().open("intro.html")
     shown = set()

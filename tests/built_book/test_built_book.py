@@ -12,7 +12,6 @@ from pypdf import PdfReader
 
 from acx4book.pages import reproducibility
 from acx4book.report.page import write
-from acx4files.results import provenance
 from built_book.conftest import parse
 from support.helpers import ROOT, book_extension, repeats
 
@@ -79,24 +78,6 @@ def test_nothing_is_asked_of_another_host(html, pages):
     assert asked == []
 
 
-def test_only_the_part_of_mathjax_that_pages_load_is_left(html):
-    mathjax = html / "_static" / "mathjax"
-    assert {path.name for path in mathjax.iterdir()} == {"tex-chtml.js", "input", "output"}
-    assert any((mathjax / "output" / "chtml" / "fonts").rglob("*.woff"))
-
-
-def test_pages_of_rooms_say_what_every_module_is_for_and_have_no_cellars(chapters):
-    rooms = {name: page for name, page in chapters.items() if "/api/acx4" in name}
-    assert len(rooms) >= 20
-    empty = [
-        name
-        for name, page in rooms.items()
-        if not all(r.select("p") for r in page.select("table.autosummary tr"))
-    ]
-    assert empty == []
-    assert [name for name, page in rooms.items() if page.select("[id*='.compiled.']")] == []
-
-
 def test_no_page_is_heavy_and_neither_is_the_book(html, pages):
     """Apart from scripts and style sheets, which all pages share."""
     heavy = {}
@@ -109,20 +90,6 @@ def test_no_page_is_heavy_and_neither_is_the_book(html, pages):
             heavy[name] = size
     assert heavy == {}
     assert sum(path.stat().st_size for path in html.rglob("*") if path.is_file()) < HEAVY_BOOK
-
-
-def test_figures_and_tables_of_notebooks_say_where_they_come_from(chapters):
-    silent, told = [], 0
-    for name, page in chapters.items():
-        if not name.startswith("_executed/"):
-            continue
-        for shown in page.select("figure:has(figcaption), .cell_output table:has(caption)"):
-            line = shown.select_one("p.provenance") or shown.find_next("p", class_="provenance")
-            if line is None or not re.search(r"\.ipynb, cell \d+ .*commit", line.get_text()):
-                silent.append(f"{name}: {shown.get('id')}")
-            told += 1
-    assert silent == []
-    assert told > 20
 
 
 LEFT_OVER = {
@@ -158,21 +125,6 @@ def test_no_notebook_shows_an_error_or_a_warning(chapters):
     assert [name for name, page in chapters.items() if page.select(bad)] == []
 
 
-def test_equations_bear_the_papers_numbers(chapters):
-    labelled = {
-        (name, equation["id"]): equation.select_one(".eqno").get_text()
-        for name, page in chapters.items()
-        for equation in page.select("div.math[id^=equation-]")
-    }
-    expected = {("frames-and-notation.html", f"equation-eq-{n}"): f"({n})" for n in range(1, 15)}
-    assert {key: text.rstrip("#¶") for key, text in labelled.items()} == expected
-
-
-def test_no_page_names_a_folder_of_the_machine_that_built_it(html):
-    told = [path.name for path in html.rglob("*.html") if str(ROOT) in path.read_text("utf-8")]
-    assert told == []
-
-
 # --- what every page of the book offers besides its text, and what the book carries ------------
 
 
@@ -201,17 +153,6 @@ def test_old_addresses_lead_to_pages_with_the_content(html, pages):
         place = found.a["href"]
         assert found.meta.find_next("meta")["content"] == f"0; url={place}"
         assert ((html / old).parent / place).resolve() == html / f"{new}.html"
-
-
-def test_terms_lead_to_the_glossary_and_every_term_is_used(chapters):
-    terms = {entry["id"] for entry in chapters["glossary.html"].select("dl.glossary dt")}
-    used = {
-        link["href"].partition("#")[2]
-        for page in chapters.values()
-        for link in page.select("a.glossary-term")
-    }
-    assert terms - used == set()
-    assert used - terms == set()
 
 
 def test_every_file_that_others_made_has_its_licence(html):
@@ -254,7 +195,7 @@ SEEN = """() => ({
 @pytest.fixture(scope="module")
 def report_path(html, tmp_path_factory):
     folder = html.parents[2] / "build" / "results" / "data-flights-acx4"
-    if not (folder / provenance.FILE).is_file():
+    if not (folder / "summary.json").is_file():
         pytest.skip("the book was made from another flight")
     out = tmp_path_factory.mktemp("report") / "report.html"
     write(folder, out)

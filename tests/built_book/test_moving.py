@@ -239,8 +239,3 @@ def test_names_are_shown_as_text(opened):
     assert page.locator(".view span").all_text_contents() == NAMES
     assert page.locator(".layers label").inner_text().strip() == NAMES[0]
     assert page.evaluate("[window.alive, document.images.length]") == [None, 0]
-
-
-def test_every_explorer_is_on_a_page(chapters):
-    with_one = [name for name, page in chapters.items() if page.select("figure.acx4-explorer")]
-    assert len(with_one) >= len(EXPLORERS)

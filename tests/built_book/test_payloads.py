@@ -17,9 +17,7 @@ from bs4 import BeautifulSoup, Comment
 from docutils.nodes import make_id
 
 from acx4book.command import acx4
-from acx4files import flight
 from acx4files.flight.problems import QUOTED
-from acx4files.results import folder as results
 from support.flights import payloads
 
 pytestmark = pytest.mark.slow
@@ -144,23 +142,6 @@ def test_no_notebook_warns(made, documents):
     assert [(name, o.text) for name, o in outputs if o.get("name") == "stderr"] == []
     papers = {name for name, o in outputs if "CAM1" in str(o)}  # of heads that this flight lacks
     assert not papers & {path.name for path in (made.results / "notebooks").glob("0[0-4]-*")}
-
-
-def test_results_have_the_names_as_they_are(made):
-    found, flown = results.read(made.results), flight.read(made.flight.path)
-    names = {column: set(own.values()) for column, own in made.flight.names.items()}
-    assert set(found.parameters["camera"]) == {"", *names["camera"]}
-    assert set(flown.cameras) == names["camera"]
-    assert set(found.residuals["image_or_exposure"]) - {""} <= names["image"] | names["exposure"]
-    assert set(found.check_points["point"]) == names["point"]
-    assert {f"heads/bundle/{name}" for name in names["camera"] - {flown.synthetic.camera}} <= set(
-        found.summary
-    )
-
-
-def test_images_are_rendered_into_their_folder(made):
-    assert {path.parent for path in made.images.rglob("*")} == {made.images}
-    assert len(list(made.images.glob("*.tif"))) == 2
 
 
 def test_nothing_happens_in_the_browser(browser, made):

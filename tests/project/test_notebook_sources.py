@@ -1,7 +1,6 @@
 """The form of the notebooks' sources: parametrised, without outputs, the method in open cells."""
 
 import ast
-import json
 import re
 
 import nbformat
@@ -58,12 +57,6 @@ def code_cells(notebook):
     return [cell for cell in notebook.cells if cell.cell_type == "code"]
 
 
-def figures(notebook):
-    """Return what the book is told of every figure: caption, name and alternative text."""
-    told = [cell.metadata["mystnb"] for cell in notebook.cells if "mystnb" in cell.metadata]
-    return [(t["figure"]["caption"], t["figure"]["name"], t["image"]["alt"]) for t in told]
-
-
 def tables(notebook):
     """Return the labels of the tables that the cells make."""
     told = [cell.metadata["acx4"]["name"] for cell in notebook.cells if "acx4" in cell.metadata]
@@ -77,21 +70,6 @@ def is_hidden(cell):
 
 def read(path):
     return nbformat.read(path, as_version=4)
-
-
-def test_it_is_valid_and_has_neither_outputs_nor_a_kernel_of_its_own(notebook):
-    nbformat.validate(notebook)
-    assert (notebook.nbformat, notebook.nbformat_minor) == (4, 5)
-    assert notebook.metadata.kernelspec.name == "python3"
-    assert set(notebook.metadata) <= {"kernelspec", "language_info"}
-    for cell in code_cells(notebook):
-        assert cell.outputs == []
-        assert cell.execution_count is None
-
-
-def test_cells_are_named_in_order(notebook):
-    numbers = [int(re.fullmatch(r"(?:cell-)?(\d+)", cell.id)[1]) for cell in notebook.cells]
-    assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
 
 
 def test_the_parameters_are_plain_typed_and_explained(notebook):
@@ -163,22 +141,6 @@ def test_a_chapter_of_the_paper_can_be_changed_answers_and_writes(path):
     assert ".write(" in code_cells(notebook)[-1].source
 
 
-def test_lines_fit(notebook):
-    assert all(
-        len(line) <= 100 for cell in code_cells(notebook) for line in cell.source.splitlines()
-    )
-
-
-def test_every_figure_has_a_caption_a_label_and_a_description(notebook):
-    for caption, name, alt in figures(notebook):
-        assert caption.endswith(".")
-        assert re.fullmatch(r"fig-[a-z0-9-]+", name)
-        assert 40 < len(alt) < 600
-        assert alt.endswith(".")
-        assert "\n" not in caption + alt
-        assert "{cite" not in caption  # breaks the printed book
-
-
 def imported(notebook):
     """Return what the cells import: the module by the name that it has there."""
     nodes = [node for cell in code_cells(notebook) for node in ast.walk(ast.parse(cell.source))]
@@ -205,31 +167,3 @@ def test_it_imports_the_library_typesetting_what_notebooks_call_and_its_own_room
         <= {"acx4", "acx4lib", "acx4files", "acx4sim", "acx4book", "IPython", "numpy", "pandas"}
         | standard
     )
-
-
-def test_references_lead_to_labels(notebook):
-    text = "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
-    labels = {name for _, name, _ in figures(notebook)} | set(tables(notebook))
-    own = {
-        name for name in re.findall(r"{numref}`([^`]+)`", text) if name.startswith(("fig", "tab"))
-    }
-    everywhere = all_labels()
-    assert own <= set(everywhere)
-    assert labels <= set(everywhere)
-    assert all(1 <= int(n) <= 14 for n in re.findall(r"{eq}`eq-(\d+)`", text))
-
-
-def all_labels():
-    found = [read(path) for path in NOTEBOOKS]
-    return [label for n in found for label in [*(f[1] for f in figures(n)), *tables(n)]]
-
-
-def test_labels_are_used_once_in_the_whole_book():
-    labels = all_labels()
-    assert sorted(set(labels)) == sorted(labels)
-
-
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_the_file_ends_with_a_line_and_is_written_one_way(path):
-    text = path.read_text(encoding="utf-8")
-    assert text == json.dumps(json.loads(text), indent=1, ensure_ascii=False) + "\n"

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import ast
-import email
-import json
 import os
 import re
 import shutil
@@ -22,9 +20,7 @@ from packaging.requirements import Requirement
 
 import acx4 as acx
 import acx4sim
-from acx4book.command.terminal import BOOK
 from acx4book.pages import flight_book
-from support.flights import pictured
 from support.helpers import parsed
 
 ROOT = Path(__file__).parents[2]
@@ -35,22 +31,6 @@ HOUSES = {"acx4", "acx4lib", "acx4files", "acx4sim", "acx4book"}
 PTH = "present.pth"
 PARTS = {"llvmlite": "numba", "cycler": "matplotlib"}
 """Packages that another one brings, as a part of itself."""
-
-READ_ALL = """
-import json, acx4lib
-from acx4book.notebooks.runner import NOTEBOOKS_PATH
-from acx4book.paper import printed
-from acx4book.reference import comparisons, data
-from acx4lib.georeferencing import accuracy as standards
-print(json.dumps([
-    acx4lib.__file__,
-    sorted(path.name for path in NOTEBOOKS_PATH.glob("*.ipynb")),
-    len(data.index()),
-    [len(printed.table(number)) for number in (1, 2, 3, 4)],
-    len(comparisons.computed_or_stored("camcal").table),
-    standards.scales(),
-]))
-"""
 
 
 @pytest.fixture(scope="module")
@@ -173,16 +153,6 @@ def test_the_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel):
     assert held == expected
 
 
-def test_the_requirements_are_those_of_pyproject(wheel):
-    with zipfile.ZipFile(wheel) as archive:
-        (name,) = (name for name in archive.namelist() if name.endswith("METADATA"))
-        said = email.message_from_bytes(archive.read(name))
-    extras = [f'{line}; extra == "{extra}"' for extra, lines in EXTRAS.items() for line in lines]
-    required = {str(Requirement(line)) for line in [*PROJECT["dependencies"], *extras]}
-    assert {str(Requirement(line)) for line in said.get_all("Requires-Dist")} == required
-    assert set(said.get_all("Provides-Extra")) == set(EXTRAS)
-
-
 def imported(house):
     """The distributions that a package's modules import."""
     found = set()
@@ -215,14 +185,6 @@ def test_what_a_package_imports_is_required(house, extras):
     assert imported(house) <= required
 
 
-def test_the_command_asks_for_the_modules_of_the_extra():
-    of_papermill = {"jupyter-client", "jupyter-core", "nbclient"}  # which needs them itself
-    of_acx4_book = {"jupyter-book", "sphinx-mathjax-offline"}  # which asks for them itself
-    assert distributions(BOOK) == names_of(EXTRAS["book"]) - {"acx4lib"} - (
-        of_papermill | of_acx4_book
-    )
-
-
 # --- installed -------------------------------------------------------------------------------
 
 
@@ -241,14 +203,6 @@ def link(site, *extras):
         for top in {file.parts[0] for file in found.files} - {"..", "__pycache__"}:
             if not (site / top).exists():
                 (site / top).symlink_to(found.locate_file(top))
-
-
-def read_all(folder):
-    """Read every table and list every notebook from an environment; return where it found them."""
-    place, notebooks, *numbers = json.loads(succeeds(folder, "python", "-c", READ_ALL))
-    assert notebooks == sorted(path.name for path in (ROOT / "notebooks").glob("*.ipynb"))
-    assert all(numbers)
-    return Path(place)
 
 
 @pytest.fixture(scope="module")
@@ -273,30 +227,11 @@ def small(installed):
 
 
 @pytest.fixture
-def base(installed):
-    """The same with the extra ``command`` alone."""
-    folder, beside = installed
-    beside.write_text(str(folder / "command"))
-    return folder
-
-
-@pytest.fixture
 def whole(installed):
     """The same with all that is present."""
     folder, beside = installed
     beside.write_text(PRESENT)
     return folder
-
-
-@pytest.mark.repeats  # as the tests themselves do
-def test_an_editable_install_finds_data_and_notebooks(copy, tmp_path):
-    editable = ("--no-build-isolation", "--editable", copy)
-    environment(tmp_path / "env", *editable, present=PRESENT)
-    assert read_all(tmp_path) == copy / "src" / "acx4lib" / "__init__.py"
-
-
-def test_the_wheel_finds_data_and_notebooks(whole):
-    assert read_all(whole).is_relative_to(whole)
 
 
 @pytest.mark.slow
@@ -309,35 +244,6 @@ def test_the_wheel_runs_a_flight_and_reports_on_it(whole):
     page = (whole / "results" / "report.html").read_text(encoding="utf-8")
     assert "data:image/svg+xml;base64," in page
     assert "@page" in page  # of the style sheet
-
-
-def test_nothing_is_written_into_the_installed_library(whole):
-    site = next(whole.glob("env/lib/python*/site-packages"))
-    for house in ("acx4lib", "acx4book"):
-        done = run(whole, "acx4", "simulate", "single-head", "--out", site / house / "new")
-        assert done.returncode == 2
-        assert "is among the project's own files" in done.stderr
-    done = run(whole, "python", "-m", "acx4book.reference")
-    assert (done.returncode, len(done.stderr.splitlines())) == (1, 1)
-    assert "results are stored in a working copy" in done.stderr
-    done = run(whole, "python", "-m", "acx4book.reference.data")
-    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
-    assert "let ACX4_REFERENCE_DATA name a folder" in done.stderr
-
-
-@pytest.mark.repeats
-@pytest.mark.slow
-def test_the_extra_command_is_enough_for_numbers_and_images(base):
-    succeeds(base, "python", "-c", "import acx4lib, acx4sim")
-    succeeds(base, "acx4", "--help")
-    images = ("--images", "V1-02", "--reduce", "16")
-    succeeds(base, "acx4", "simulate", "single-head", "--out", "own", *images)
-    assert "image files    1 of 60" in succeeds(base, "acx4", "check", "own")
-    said = succeeds(base, "acx4", "run", "own", "--results", "numbers", "--numbers-only")
-    assert said.endswith("results in numbers\n")
-    pictured.write_results(base / "heads", pictured.write_flight(base / "pictured"))
-    said = succeeds(base, "acx4", "render", "pictured", "--results", "heads", "--out", "images")
-    assert "2 images rendered, in images" in said
 
 
 SMALL = """
@@ -364,26 +270,3 @@ def test_what_the_library_requires_is_enough_for_a_calibration(small):
     assert error == (
         "acx4.render needs tifffile, not installed here: pip install 'acx4lib[images]'"
     )
-
-
-def test_without_its_extra_the_command_says_what_to_install(small):
-    done = run(small, "acx4", "--help")
-    assert (done.returncode, done.stdout) == (2, "")
-    (line,) = done.stderr.splitlines()
-    assert re.fullmatch(
-        r"acx4 needs \w+, not installed here: pip install 'acx4lib\[command\]'", line
-    )
-
-
-@pytest.mark.parametrize(
-    ("command", "arguments"),
-    [("run", ("flight", "--results", "new")), ("report", ("results",))],
-)
-def test_without_the_extra_run_and_report_say_what_to_install(base, command, arguments):
-    done = run(base, "acx4", command, *arguments)
-    assert (done.returncode, done.stdout) == (2, "")
-    (line,) = done.stderr.splitlines()
-    assert line.startswith(f"acx4 {command} needs IPython, PIL, ")
-    assert line.endswith(", not installed here: pip install 'acx4lib[book]'")
-    assert not (base / "new").exists()
-    assert "Usage" in succeeds(base, "acx4", command, "--help")

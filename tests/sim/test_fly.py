@@ -45,15 +45,6 @@ def errors(**options):
     return (tables[1][SHIFT] - tables[0][SHIFT]).to_numpy(), turn
 
 
-def test_a_share_of_the_noise_stays_white_and_keeps_its_values():
-    white = errors()
-    slow = errors(slow_errors=SlowErrors(gnss=1.0, attitude=0.0))
-    both = errors(slow_errors=SlowErrors(gnss=0.8, attitude=0.0))
-    assert_allclose(both[0], 0.8 * slow[0] + 0.6 * white[0], atol=3e-6)
-    # attitudes refer to the grid's north at the recorded position, 1e-7 deg elsewhere
-    assert_allclose(slow[1], white[1], atol=1e-6)
-
-
 def test_slow_errors_of_an_endless_time_constant_are_one_shift():
     forever = SlowErrors(gnss=1.0, attitude=1.0, gnss_constant_s=1e12, attitude_constant_s=1e12)
     position, attitude = errors(slow_errors=forever)
@@ -112,20 +103,6 @@ def test_exposures_are_late_by_as_much_as_they_are_ahead():
         assert_allclose(along - along[0], passed, atol=0.071)
         off.append(np.diff(time) - planned.base_m / planned.speed_m_s)
     assert np.std(np.concatenate(off)) > 0.05  # s: they are not at equal intervals
-
-
-def test_exposures_stay_in_turn_however_short_the_base():
-    block = acx4(**EXACT).plan.blocks["calibration"]
-    short = replace(block, strips=tuple(replace(s, base_m=3.0) for s in block.strips))
-    flown = fly.fly(acx4(**EXACT).plan, short, fly.stream(1, "short"))
-    assert np.all(np.diff(flown.time_s) > 0)
-
-
-def test_strips_may_be_flown_at_different_speeds():
-    flight = acx4(**EXACT)
-    block = flight.plan.blocks["calibration"]
-    slow = replace(block, strips=tuple(replace(strip, speed_m_s=35.0) for strip in block.strips))
-    assert_allclose(np.diff(fly._times(slow))[:9], 2 * np.diff(fly._times(block))[:9])
 
 
 # --- Observations follow from the truth, and their noise is what the flight says
@@ -301,26 +278,6 @@ def test_trajectory_noise_is_what_the_flight_says(flight, exact):
     assert_standard_normal(np.array(attitude))
 
 
-def test_apriori_states_the_true_sigma():
-    options = acx4sim.Options(image_noise=2.0, gnss_noise=0.0, blocks=("calibration",))
-    apriori = tomllib.loads(acx4sim.acx4_ideal(options=options).toml)["apriori"]
-    assert apriori == {
-        "image_point_px": 1.0,
-        "gnss_horizontal_m": 0.02,
-        "gnss_vertical_m": 0.015,
-        "roll_pitch_deg": 0.005,
-        "heading_deg": 0.008,
-    }
-
-
-def test_noise_of_one_kind_leaves_the_others_alone(flight):
-    options = acx4sim.Options(control_noise=0.0)
-    other = acx4sim.acx4_ideal(seed=1, options=options)
-    for path, table in flight.tables.items():
-        same = table.equals(other.tables[path])
-        assert same == (not path.endswith("control_points.csv"))
-
-
 def test_gnss_shift_and_drift_reach_the_trajectory_only(exact):
     options = replace(
         NO_NOISE, gnss_shift_m=(0.1, -0.2, 0.3), gnss_drift_m_per_min=(0.0, 0.01, 0.0)
@@ -336,30 +293,3 @@ def test_gnss_shift_and_drift_reach_the_trajectory_only(exact):
         expected = np.array([0.1, -0.2, 0.3]) + np.outer(minutes, [0.0, 0.01, 0.0])
         assert_allclose(error, expected, atol=5e-6)
     assert shifted.truth["exposures"] == exact.truth["exposures"]
-
-
-def test_tie_points_at_given_places_are_measured_in_every_image_that_shows_them():
-    plan = acx4sim.designs.single_head_plan()
-    block = plan.blocks["calibration"]
-    places = np.array([[0.0, 0.0], [30.0, -40.0], [50_000.0, 0.0]])
-    placed = replace(plan, blocks={"calibration": replace(block, tie_places=places)})
-    flight = acx4sim.files.simulate_plan(placed, 1, NO_NOISE)
-    points = flight.tables["calibration/image_points.csv"]
-    counts = points.loc[points["point"].str.startswith("T"), "point"].value_counts()
-    # the third is out of sight; the others lie under all five strips
-    assert [*sorted(counts.index)] == ["T00001", "T00002"]
-    assert counts.min() >= 12
-
-
-def test_hills_of_another_relief_and_a_slower_strip_are_flown():
-    plan = acx4sim.designs.single_head_plan()
-    block = plan.blocks["calibration"]
-    strips = (replace(block.strips[0], speed_m_s=35.0, name="slow"), *block.strips[1:])
-    flat = replace(plan, relief=0.0, blocks={"calibration": replace(block, strips=strips)})
-    flight = acx4sim.files.simulate_plan(flat, 1, NO_NOISE)
-    heights = flight.tables["control_points.csv"]["height_m"]
-    assert_allclose(heights, plan.ground_m, atol=1e-9)
-    time_s = flight.tables["calibration/trajectory.csv"]["time_s"]
-    # exposures are late by as much as they are ahead of their places
-    assert_allclose((time_s[6] - time_s[0]) / (time_s[13] - time_s[7]), 70.0 / 35.0, rtol=0.05)
-    assert flight.tables["calibration/images.csv"]["strip"].unique()[:2].tolist() == ["slow", "2"]

@@ -96,11 +96,6 @@ def test_ground_lies_on_the_hills_of_the_surveyed_points(at):
     assert_allclose(at.marks_g[:, 2], marks, atol=1e-9)
 
 
-def test_a_ray_that_does_not_come_down_is_nan(at):
-    sideways = replace(PLAN.cameras["CAM1"], boresight_deg=(95.0, 0.0, 0.0))
-    assert np.isnan(ground_from_pixels(at, sideways, np.array([[10.0, 10.0]]))).all()
-
-
 def test_latitude_and_longitude_of_geocentric_coordinates_are_projs():
     """1e-12 rad is 6 micrometres, as 1e-5 m."""
     rng = np.random.default_rng(0)
@@ -114,11 +109,6 @@ def test_latitude_and_longitude_of_geocentric_coordinates_are_projs():
     found = grid.geodetic_from_ecef(x_e)
     assert_allclose(found[:, :2], llh[:, :2], atol=1e-12)
     assert_allclose(found[:, 2], llh[:, 2], atol=1e-5)
-
-
-def test_exposures_are_the_flights(exact, at):
-    east, north, height = exact.truth["exposures"]["heads"]["H3-04"][:3]
-    assert_allclose(at.track.x_g[0], [east, north, height], atol=1e-6)
 
 
 def test_reduced_camera_sees_the_middle_of_the_sensor(at):
@@ -243,18 +233,6 @@ def test_light_falls_off_with_the_cosine_by_20_to_25_percent(at):
         assert np.all(np.abs(np.array(responds.gain) - 1) <= 0.05)
 
 
-def test_without_response_and_noise_a_picture_has_the_grounds_dn(at):
-    image = picture(at, PLAN.cameras["SYN"], Evenly(12_345), reduce=100)
-    assert image.dtype == np.uint16
-    assert np.all(image == 12_345)
-
-
-def test_dn_end_at_the_white_of_16_bit(at):
-    gain = pictures.CameraResponse(gain=(2.0, 1.0, 1.0))
-    image = picture(at, PLAN.cameras["SYN"], Evenly(40_000), reduce=100, responds=gain)
-    assert_array_equal(np.unique(image), [40_000, 65_535])
-
-
 # --- files -----------------------------------------------------------------------------------
 
 FEW = acx4sim.Options(blocks=("heads",), tie_points={"heads": 0})
@@ -306,12 +284,6 @@ def test_same_seed_gives_the_same_pictures(folder, photo, tmp_path):
         assert (again / "heads/images" / path.name).read_bytes() == path.read_bytes()
 
 
-def test_an_ordinary_camera_takes_pictures_too(tmp_path, photo):
-    options = acx4sim.Options(blocks=("calibration",), tie_points={"calibration": 0})
-    folder = with_pictures(tmp_path / "f", photo, "single-head", ["C1-02"], options)
-    assert tifffile.imread(folder / "calibration/images/C1-02.tif").shape == (181, 241, 3)
-
-
 def test_blocks_that_are_measured_in_heads_have_pictures_of_their_own(tmp_path, photo):
     options = acx4sim.Options(tie_points={"heads": 0, "calibration": 0})
     folder = with_pictures(tmp_path / "f", photo, "acx4", ["H3-04", "calibration/C2-05"], options)
@@ -321,20 +293,6 @@ def test_blocks_that_are_measured_in_heads_have_pictures_of_their_own(tmp_path, 
         assert set(named["exposure"]) == {exposure}
         assert all((folder / block / file).is_file() for file in named["file"])
         assert len(list((folder / block / "images").iterdir())) == 4
-
-
-def test_a_flight_without_pictures_has_no_column_for_files():
-    assert "file" not in acx4sim.acx4(options=FEW).tables["heads/images.csv"]
-
-
-def test_a_photo_lies_on_the_ground_mirrored_at_its_edges(tmp_path, at):
-    """DN are 56 000 in white and grow with the square; 16 000 pixels of dither average out."""
-    photo = np.full((64, 96, 3), [10, 100, 200], np.uint8)
-    tifffile.imwrite(tmp_path / "photo.tif", photo, photometric="rgb")
-    ground = read_photo(tmp_path / "photo.tif")
-    image = picture(at, PLAN.cameras["CAM1"], ground, reduce=60)
-    expected = (np.array([10, 100, 200]) / 255) ** 2 * 56_000
-    assert_allclose(image.reshape(-1, 3).mean(axis=0), expected, atol=2.0)
 
 
 def test_photo_keeps_its_left_and_right(tmp_path):
@@ -347,44 +305,6 @@ def test_photo_keeps_its_left_and_right(tmp_path):
     assert_array_equal(
         ground.paint(window)[..., 0] > 20_000, [[False] * 4] * 2 + [[True, True, False, False]] * 2
     )
-
-
-# --- mistakes --------------------------------------------------------------------------------
-
-
-def test_an_unknown_exposure_is_named_with_some_that_are_there():
-    with pytest.raises(ValueError, match=r"exposure 'H9-01' is not in acx4; it has.*H1-01, H4-07"):
-        photograph(acx4sim.acx4(options=FEW), ["H3-04", "H9-01"])
-
-
-def test_no_exposure_and_no_pixel_are_refused():
-    flight = acx4sim.acx4(options=FEW)
-    with pytest.raises(ValueError, match="no exposure is named"):
-        photograph(flight, [])
-    with pytest.raises(ValueError, match="cannot be reduced 9000 times"):
-        photograph(flight, ["H3-04"], reduce=9000)
-
-
-def test_a_photo_that_is_missing_or_unreadable_is_named(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"none\.jpg"):
-        read_photo(tmp_path / "none.jpg")
-    (tmp_path / "text.jpg").write_text("no picture")
-    with pytest.raises(OSError, match=r"is not a picture that can be read.*text\.jpg"):
-        read_photo(tmp_path / "text.jpg")
-    (tmp_path / "empty.jpg").write_bytes(b"")
-    with pytest.raises(OSError, match="is not a picture"):
-        read_photo(tmp_path / "empty.jpg")
-
-
-def test_a_flight_appears_whole_or_not_at_all(tmp_path, photo, monkeypatch):
-    def full(*_, **__):
-        msg = "No space left on device"
-        raise OSError(28, msg)
-
-    monkeypatch.setattr(pictures.tifffile, "imwrite", full)
-    with pytest.raises(OSError, match="No space left"):
-        with_pictures(tmp_path / "flight", photo)
-    assert list(tmp_path.iterdir()) == []
 
 
 # --- The procedural landscape: one and the same wherever and however finely one looks
@@ -436,14 +356,6 @@ def test_the_same_seed_gives_the_same_ground_and_another_does_not(plain):
     assert np.mean(other == first) < 0.05  # by chance
 
 
-def test_coarse_cells_are_the_means_of_fine_ones(plain):
-    """In the large, by blocks of 128 m; woods lose clumps of leaves, which makes 15 %."""
-    fine = plain.paint(window_at(0, 0, 3, 1024)).astype(float)
-    coarse = plain.paint(window_at(0, 0, 5, 256)).astype(float)
-    blocks = fine.reshape(4, 256, 4, 256, 3).mean(axis=(1, 3))
-    assert_allclose(coarse.reshape(4, 64, 4, 64, 3).mean(axis=(1, 3)), blocks, rtol=0.2)
-
-
 @pytest.mark.parametrize("place", [VILLAGE, (150.0, -80.0), (20.0, -380.0)])
 def test_edges_stand_where_they_are_in_cells_of_every_size(plain, place):
     """How far parts of 32 x 32 cells have moved against cells of half the size."""
@@ -493,34 +405,6 @@ def test_a_polygon_covers_its_area_in_cells_of_every_size(size_m, angle_deg):
         edge_m = (np.sqrt(share.sum() / 1.5) * cell_m(level) - size_m) / 2
         assert abs(edge_m) < 0.12 * cell_m(level)
         assert np.all(np.abs(found - middle[0]) < 0.2 * cell_m(level))
-
-
-def test_levels_are_those_of_a_camera_of_16_bit(plain):
-    dn = plain.paint(window_at(0, 0, 5, 500)).astype(float)
-    assert 8_000 < dn.mean() < 18_000
-    assert np.mean(dn >= 60_000) < 1e-3
-    assert dn.max() < 65_535
-    assert np.all(dn.mean(axis=(0, 1)) > 6_000)
-
-
-def test_there_is_texture_in_every_meadow_but_none_on_the_water(plain):
-    """What two neighbouring pixels differ by, relative to the ground; shot noise is 0.4 %."""
-    for level in (0, 2):
-        lake = plain.paint(window_at(*LAKE, level, 200)).astype(float)
-        assert np.diff(lake, axis=1).std() / lake.mean() < 0.004
-        land = plain.paint(window_at(20.0, -380.0, level, 200)).astype(float)
-        assert np.diff(land, axis=1).std() / land.mean() > 0.02
-
-
-def test_country_has_water_woods_and_villages():
-    """Shares of 6 x 6 km, roughly those that the design is after."""
-    side = np.arange(-3000, 3000, 20.0)
-    en = np.stack(np.meshgrid(side, side), axis=-1) + MIDDLE
-    assert 0.02 < np.mean(COUNTRY.water_m(en) > 0) < 0.15
-    assert 0.05 < np.mean(COUNTRY.woods(en) > 0) < 0.30
-    assert 0.005 < np.mean(COUNTRY.village_m(en) > 0) < 0.10
-    assert COUNTRY.lake_m(np.add(MIDDLE, LAKE)) > 300
-    assert COUNTRY.village_m(np.add(MIDDLE, VILLAGE)) > 200
 
 
 def test_marks_are_discs_of_60_cm_on_dark_squares():

@@ -1,7 +1,6 @@
 """What is looked for in figures and tables: labels with units, artists, texts apart, cells."""
 
 import html
-import itertools
 import re
 import warnings
 
@@ -42,18 +41,6 @@ def assert_labelled(fig):
         if ax.get_ylabel():  # a neighbour with a shared axis has none
             assert UNIT.search(ax.get_ylabel()), ax.get_ylabel()
     assert any(ax.get_ylabel() for ax in panels(fig))
-
-
-def assert_texts_apart(fig):
-    """No two labels or titles of a figure lie on each other."""
-    renderer = fig.canvas.get_renderer()
-    texts = []
-    for ax in fig.axes:
-        texts += [ax.title, ax._left_title, ax.xaxis.label, ax.yaxis.label]
-    texts += [text for found in fig.legends for text in found.get_texts()]
-    boxes = [t.get_window_extent(renderer) for t in texts if t.get_text() and t.get_visible()]
-    for a, b in itertools.combinations(boxes, 2):
-        assert not a.overlaps(b)
 
 
 def sentence(fig):

@@ -17,11 +17,9 @@ from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.pages import build, flight_book
 from acx4book.report import page
 from acx4files.flight import reader
-from acx4files.flight.reader import read
 from acx4files.flight.settings import FLIGHT
 from acx4files.flight.toml_file import NAME, rows
 from acx4files.results import folder, provenance
-from acx4files.results import folder as results
 from acx4files.results.folder import STAGES
 from acx4files.results.provenance import KEPT
 from acx4files.results.table_files import NOTEBOOKS
@@ -131,29 +129,6 @@ def test_a_class_is_told_only_where_the_standard_has_enough_points(texts):
     if any("not stated, n = " in text for text in said):
         assert not any("class A" in text for text in said)
         assert any("The standard PEC-PCD asks for 20 points" in text for text in said)
-
-
-# --- notebooks -------------------------------------------------------------------------------
-#
-# The notebooks on heads that are not the paper's; `built_book/test_payloads` has pictures.
-
-
-@pytest.mark.slow
-@pytest.mark.repeats  # `built_book/test_payloads` has other heads
-def test_the_notebooks_run_on_heads_that_are_not_the_papers(tmp_path):
-    other_path = in_heads.write_other_heads(tmp_path / "flight")
-    report = runner.run(
-        other_path, tmp_path / "results", notebooks=NOTEBOOKS_PATH, stages=("heads", "synthetic")
-    )
-    assert report.ran == ("heads", "synthetic")
-    assert report.not_determined == report.left_out == ()
-    found = results.read(tmp_path / "results")
-    assert results.cameras(found, "synthetic/refined") == ("port", "starboard")
-    for path in (tmp_path / "results" / "notebooks").glob("0*.ipynb"):
-        text = path.read_text()
-        assert '"output_type": "error"' not in text
-        assert '"name": "stderr"' not in text
-        assert "CAM1" not in text
 
 
 # --- every setting of flight.toml, through all notebooks and the report ------------------------
@@ -348,20 +323,6 @@ def test_the_last_choice_of_every_setting_of_one_camera_runs_with_those_of_the_o
     assert {name.partition("/")[0] for name in summary} >= {"mounting", "validation"}
 
 
-@pytest.mark.slow
-@pytest.mark.repeats
-@pytest.mark.parametrize(("keys", "value"), list(choices()), ids=str)
-def test_every_choice_runs_through_all_stages_and_the_report(flights, keys, value):
-    design = HEADS if {"heads", "synthetic"} & {*keys} else SINGLE
-    changes = {**({} if design == HEADS else declared()), keys: value}
-    name = f"{' '.join(keys)} {value}"
-    flight = flights(design, name, changes)
-    if keys == ("synthetic", "measured_in"):
-        assert read(flight).synthetic.measured_in == value
-    summary = run_whole(flight)
-    assert {name.partition("/")[0] for name in summary} >= {"mounting", "validation"}
-
-
 # --- the notebooks of the stages, run by papermill itself with the usual kernel ----------------
 
 
@@ -371,9 +332,7 @@ WITHOUT_HEADS = {
     "08-rig": "there are no heads",
 }
 USUAL_FLIGHT = {"mounting": "03-mounting-calibration"}
-"""Notebooks that are run in the usual tests, on a flight of one camera, by their stages.
-
-What is downloaded below runs that of the validation."""
+"""Notebooks that are run in the usual tests, on a flight of one camera, by their stages."""
 
 DIRECTIVE = re.compile(r"^\s*(`{3,}|:{3,})\{", re.MULTILINE)
 
@@ -424,14 +383,6 @@ def test_no_output_has_a_directive(ran):
 
 
 @pytest.mark.slow
-def test_a_block_that_is_not_there_ends_a_notebook_in_one_sentence(ran):
-    name, _, outputs = ran
-    for notebook, reason in WITHOUT_HEADS.items() if name == "single, all" else ():
-        (shown,) = outputs[notebook]
-        assert shown.data["text/markdown"] == f"This notebook ends here: {reason}."
-
-
-@pytest.mark.slow
 def test_the_results_are_those_of_a_run_and_name_the_flight(ran):
     kind, at, _ = ran
     stages = [*USUAL_FLIGHT] if kind == "single" else STAGES
@@ -467,16 +418,3 @@ def test_a_stage_alone_says_in_its_last_line_what_to_run_first(ran, name):
     with pytest.raises(papermill.PapermillExecutionError) as caught:
         run(at, name, "none")
     assert "run first: notebook 0" in str(caught.value).strip().splitlines()[-1]
-
-
-@pytest.mark.slow
-@pytest.mark.repeats
-@pytest.mark.parametrize("name", NOTEBOOKS.values())
-def test_an_unknown_parameter_is_named_in_the_last_line(ran, name):
-    kind, at, _ = ran
-    if kind != "heads":
-        pytest.skip("shown with the other flight")
-    with pytest.raises(papermill.PapermillExecutionError) as caught:
-        run(at, name, "none", flight=str(at / "flight"))
-    last = str(caught.value).strip().splitlines()[-1]
-    assert last.startswith("ValueError: unknown parameter flight; this notebook has flight_path")

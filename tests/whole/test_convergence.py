@@ -186,6 +186,7 @@ def test_a_mounting_declared_a_quarter_or_half_turn_wrong_is_found_by_control(sh
     assert_same_minimum(adjust.adjust(set_up(shape, wrong)), shape, 0)
 
 
+@pytest.mark.repeats  # with the smaller blocks above
 def test_most_images_need_no_control_to_be_turned():
     """Twelve control points in 268 images, all of which look the other way."""
     block = block_of("268 images")
@@ -195,14 +196,6 @@ def test_most_images_need_no_control_to_be_turned():
     state = recovered(adjust.free_orientation(wrong, free=FREE))
     expected = block.T_m_b_images.R @ best("268 images").state.T_b_c.R[0]
     assert rotation_angle(state.T_m_b.R, expected).max() < np.radians(8.0)
-
-
-def test_the_robust_phase_ends_where_the_adjustment_does():
-    """Within a sigma of f, from 3 % off; nothing is left for gross errors to lead astray."""
-    network, quarters = bad_network("single camera", seed=1)
-    fit = best("single camera", quarters)
-    sigma = np.sqrt(fit.solution.cov[0, 0])
-    assert abs(network.start.interiors[0].f - fit.state.interiors[0].f) < sigma
 
 
 def spoilt(block, rng, *, share, size_px):

@@ -8,16 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acx4files import flight
 from acx4files.flight.tables import faulty, name_fault
-from acx4lib.errors import FlightError, visible
 from acx4lib.geometry.geodesy import GridSystem, crs_fault
 from support.flights.written import write_flight
 from support.helpers import flight_problems as problems
 
 IMAGES = "calibration/images.csv"
-POINTS = "calibration/image_points.csv"
-TRAJECTORY = "calibration/trajectory.csv"
 CONTROL = "control_points.csv"
 TOML = "flight.toml"
 
@@ -36,11 +32,6 @@ REFUSED = [
     *("\uff1d1+1", "\uff0dx", "\uff20x", "﹦1", "⩵", "\u200b=1", "a;=1", "a; +x", "a\nb", "a\x85b"),
     *("a\x7fb", "a\x1b[0m"),
     *("a\u2028b", "a\u2029b", "a\u202eb", "a\u2066b", "a\u200fb", "\ufffe", "x" * 201),
-]
-ACCEPTED = [
-    *("-12", "+3.5", "-", "-.5", "-1e5", "1-2", "a=b", "a@b", "a;b", "a;-5", "a+b", "x" * 200),
-    *("$x^2$", "a b", "a/b", "é", "日本語", "{{ x }}", "<b>", "|", "`", "\\", "🛩"),
-    *("नमस्ते", "می\u200cشود"),
 ]
 
 
@@ -69,36 +60,6 @@ def test_a_name_that_is_a_formula_or_no_line_of_text_is_refused_everywhere(tmp_p
 def toml(name: str) -> str:
     """Return a name as TOML's basic strings have it."""
     return "".join(c if c.isalnum() or c == " " else f"\\U{ord(c):08x}" for c in name)
-
-
-@pytest.mark.parametrize("name", ACCEPTED)
-def test_any_other_name_is_accepted_everywhere(tmp_path, name):
-    assert name_fault(name) is None
-    assert not faulty({name})
-    write_flight(tmp_path)
-    cell = f'"{name}"'
-    for file in (IMAGES, POINTS, TRAJECTORY):
-        text = (
-            (tmp_path / file)
-            .read_text()
-            .replace("E1_CAM,", f"{cell},")
-            .replace("\nE1,", f"\n{cell},")
-        )
-        (tmp_path / file).write_text(text.replace(",E1,", f",{cell},").replace(",G3,", f",{cell},"))
-    change(tmp_path, CONTROL, "G3,", f"{cell},")
-    change(tmp_path, TOML, '"small"', f'"{toml(name)}"')
-    read = flight.read(tmp_path)
-    assert read.name == name
-    assert name in read.calibration.images.names
-    assert name in read.calibration.points
-    assert name in read.calibration.trajectory.exposures
-
-
-def test_what_is_no_text_is_shown_escaped():
-    text = "a\x1b[31m\x9b\u2028\u202e\udcff\n\ufffe"
-    assert visible(text) == r"a\x1b[31m\x9b\u2028\u202e\xff\n\ufffe"
-    assert FlightError([text]).problems == (visible(text),)
-    assert visible("σ é 日本語 🛩 \\ '") == "σ é 日本語 🛩 \\ '"
 
 
 # --- systems that open files ---------------------------------------------------------------------
@@ -159,14 +120,6 @@ def write_geoid(path: Path, height: float = 3.0) -> None:
     path.write_bytes(header + np.full(16, height, dtype=">f4").tobytes())
 
 
-def test_a_geoid_grid_may_have_any_name_that_proj_can_open(tmp_path):
-    write_flight(tmp_path / "a flight")
-    write_geoid(tmp_path / "a flight" / "my geoid +proj=x.gtx")
-    change(tmp_path / "a flight", TOML, "ellipsoidal", "my geoid +proj=x.gtx")
-    read = flight.read(tmp_path / "a flight")
-    assert read.grid.undulation(np.array([[-49.5, -25.5]]))[0] == pytest.approx(3.0)
-
-
 @pytest.mark.parametrize("name", ['a" +step +proj=x.gtx', "a,b.gtx"])
 def test_a_geoid_grid_whose_name_would_be_part_of_a_pipeline_is_refused(tmp_path, name):
     write_flight(tmp_path)
@@ -177,16 +130,3 @@ def test_a_geoid_grid_whose_name_would_be_part_of_a_pipeline_is_refused(tmp_path
         f"{TOML}:3: heights: {name!r} cannot be used (PROJ opens no file with a comma, a quo"
         in line
     )
-
-
-def test_a_file_of_the_working_folder_is_no_crs_and_no_geoid(tmp_path, monkeypatch):
-    write_flight(tmp_path / "f")
-    monkeypatch.chdir(tmp_path)
-    write_geoid(tmp_path / "EPSG:5773")
-    change(tmp_path / "f", TOML, "ellipsoidal", "EPSG:5773")
-    (line,) = problems(tmp_path / "f")
-    assert line.startswith(f"{TOML}:3: heights: 'EPSG:5773' cannot be used (")
-    assert "egm96" in line  # it is the vertical CRS, whose grid is not here
-    write_geoid(tmp_path / "g.gtx")
-    change(tmp_path / "f", TOML, "EPSG:5773", "g.gtx")
-    assert problems(tmp_path / "f")[0].startswith(f"{TOML}:3: heights: 'g.gtx' is not there; must")

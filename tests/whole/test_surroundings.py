@@ -69,18 +69,6 @@ def test_names_of_any_script_are_said_in_any_encoding(flight, env):
     assert b"Gr" in done.stdout.splitlines()[0]
 
 
-@pytest.mark.slow
-def test_a_run_that_nobody_listens_to_ends_and_leaves_nothing_half_done(flight, tmp_path):
-    """As behind `| head`: the first line that cannot be written ends it."""
-    read, write = os.pipe()
-    os.close(read)
-    arguments = ["run", flight, "--results", tmp_path / "r", "--stages", "validation"]
-    done = run(*arguments, stdout=write)
-    os.close(write)
-    assert (done.returncode, done.stderr) == (128 + signal.SIGPIPE, b"")
-    assert not list((tmp_path / "r").glob(".running-*"))
-
-
 # --- other systems ---------------------------------------------------------------------------
 #
 # Without what only POSIX systems have, flights are simulated, checked, run and reported.

@@ -14,11 +14,11 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from acx4lib.geometry.frames import log, rotation_from_opk
 from benchmarks import harness
@@ -32,17 +32,6 @@ CERES = tuple(
     for threads in (1, 2)
 )
 """Ways to solve with Ceres; of those with the same derivatives the best counts."""
-
-PYCOLMAP = ("pycolmap_default", "pycolmap_tuned", "pycolmap_covariance")
-FREE = {
-    "free-500": bench_blocks.Design(layout="52", ties=500),
-    "free-5k": bench_blocks.Design(layout="52", ties=5_000),
-    "free-50k": bench_blocks.Design(layout="52", ties=50_000),
-    "free-100k": bench_blocks.Design(layout="268", ties=100_000),
-}
-"""Problems that pycolmap can state, too: `bench_blocks.pinhole_network`."""
-
-NO_PYCOLMAP = "it is missing (pip install -r environment-test.txt)"
 
 ALONE = ("e2m",)
 """Ceres would need four times the memory and minutes that the largest of the others takes it."""
@@ -60,17 +49,15 @@ COLUMNS = (
 Row = dict[str, Any]
 
 
-def rows(_folder: Path, repeat: int) -> tuple[list[Row], Row]:
+def rows(repeat: int) -> tuple[list[Row], Row]:
     """Return the runs of all solvers on all problems; versions and agreement belong to all."""
     try:
         ceres: Path | None = build_ceres()
     except NoCeres as why:
         ceres = None
         sys.stderr.write(f"{why}\n")
-    if find_spec("pycolmap") is None:
-        sys.stderr.write(f"no comparison with pycolmap: {NO_PYCOLMAP}\n")
     sweep = {f"sweep-{ties}": bench_blocks.Design(layout="52", ties=ties) for ties in SWEEP}
-    return of_problems(bench_blocks.DESIGNS | FREE | sweep, ceres=ceres, repeat=repeat)
+    return of_problems(bench_blocks.DESIGNS | sweep, ceres=ceres, repeat=repeat)
 
 
 def of_problems(
@@ -98,8 +85,8 @@ def measure(
     """Return the runs of all solvers on one problem, and how their answers agree."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "problem"
-        size = prepare(name, design, path)
-        run = runner(path, ceres, free=name in FREE)
+        size = prepare(design, path)
+        run = runner(path, ceres)
         run("ours")  # compiles what is not compiled yet
         rows, last = [], {}
         for number, solver in turns(solvers(name, ceres), repeat, rows):
@@ -115,10 +102,9 @@ def measure(
     ]
 
 
-def prepare(name: str, design: bench_blocks.Design, path: Path) -> Row:
+def prepare(design: bench_blocks.Design, path: Path) -> Row:
     """Write a problem and return its size."""
-    set_up = bench_blocks.pinhole_network if name in FREE else bench_blocks.network
-    network = set_up(bench_blocks.make(design))
+    network = bench_blocks.network(bench_blocks.make(design))
     bench_blocks.write_problem(network, path)
     return {
         "images": len(network.block.images),
@@ -129,8 +115,6 @@ def prepare(name: str, design: bench_blocks.Design, path: Path) -> Row:
 
 def solvers(name: str, ceres: Path | None) -> tuple[str, ...]:
     """Return which solvers run on a problem, in the order of their turns."""
-    if name in FREE:
-        return ("ours", *(PYCOLMAP if find_spec("pycolmap") else ()))
     if ceres is None or name in ALONE:
         return ("ours",)
     if name.startswith("sweep"):
@@ -158,23 +142,16 @@ def outrun(solver: str, first: dict[str, Row]) -> bool:
     )
 
 
-def runner(problem: Path, ceres: Path | None, *, free: bool = False) -> Callable[[str], Row]:
+def runner(problem: Path, ceres: Path | None) -> Callable[[str], Row]:
     """Return what runs a solver on a problem in a fresh process."""
 
     def run(solver: str) -> Row:
-        found: Row = json.loads(harness.called(_command(solver, problem, ceres, free=free)))
+        ours = [sys.executable, str(HERE / "ours.py"), str(problem)]
+        command = ours if solver == "ours" else ceres_command(ceres, problem, solver)
+        found: Row = json.loads(harness.called(command))
         return found
 
     return run
-
-
-def _command(solver: str, problem: Path, ceres: Path | None, *, free: bool) -> list[str]:
-    if solver.startswith("ceres_"):
-        return ceres_command(ceres, problem, solver)
-    program, _, how = solver.partition("_")
-    script = "ours.py" if program == "ours" else f"{program}_solver.py"
-    options = ["free"] if free and program == "ours" else [how] if how else []
-    return [sys.executable, str(HERE / script), str(problem), *options]
 
 
 def progress(row: Row) -> None:
@@ -285,3 +262,15 @@ def ceres_versions(program: Path) -> dict[str, str]:
         "blas of ceres": str(Path(blas[1]).resolve()) if blas else "none",
         "compiler": compiler.stdout.splitlines()[0],
     }
+
+
+def main() -> None:
+    """Time the adjustment beside Ceres, for data/benchmarks."""
+    harness.refuse_changes(harness.OUT)
+    found, about = rows(3)
+    table = pd.DataFrame(found).convert_dtypes()  # whole numbers stay whole
+    harness.write(harness.OUT, "adjustment", {"": table}, harness.about() | about, digits=7)
+
+
+if __name__ == "__main__":
+    main()

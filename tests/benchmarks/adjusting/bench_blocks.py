@@ -22,17 +22,14 @@ from acx4lib.geometry.camera import (
     INTERIOR,
     Camera,
     Interior,
-    colrow_from_xy,
-    correct,
     inside,
-    xy_from_colrow,
 )
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose, exp, rotation_from_opk, transform
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame
 from acx4lib.geometry.parameters import MOUNT
 
-FREE, PINHOLE = INTERIOR[:8], INTERIOR[:3]
+FREE = INTERIOR[:8]
 """All interior parameters of the paper: f, xp, yp, k1, k2, k3, p1, p2; those without a lens."""
 
 FRAME = MappingFrame(grid=GridSystem(crs="EPSG:31982"), origin=np.array([-49.3, -25.4]))
@@ -199,38 +196,6 @@ def network(made: Made) -> Network:
     x_m[made.block.control.point_idx] = made.block.control.x_m
     # the cost functions for Ceres correct the points as they were measured
     return replace(ready, start=replace(ready.start, x_m=x_m), distortion_at="measured")
-
-
-def pinhole_network(made: Made) -> Network:
-    """Return a problem that pycolmap can state, too: free poses, observed positions, no lens.
-
-    The measurements are corrected by the true interior orientation. Unknown are f, xp and yp, all
-    poses and points; there is no control.
-    """
-    block = _without_lens(made.block)
-    positions = PoseObservations(
-        T_m_b=block.T_m_b_images,
-        R_g_m=block.trajectory.R_g_m,
-        sigma_position=block.trajectory.sigma_position,
-        sigma_attitude=np.full((len(block.images), 3), np.inf),
-    )
-    ready = adjust.free_orientation(block, free=PINHOLE, positions=positions)
-    rng = np.random.default_rng(2)
-    x_m = made.x_m + rng.uniform(-START_TIES_M, START_TIES_M, made.x_m.shape)
-    return replace(ready, start=replace(ready.start, x_m=x_m), distortion_at="measured")
-
-
-def _without_lens(block: Block) -> Block:
-    """Return a block as the true camera sees it without lens, and a trajectory of the camera."""
-    points, trajectory, mounting = block.image_points, block.trajectory, TRUTH.T_b_c
-    ideal = correct(TRUTH.interior, xy_from_colrow(TRUTH, points.colrow))
-    r = trajectory.T_m_b.r + transform(trajectory.T_m_b.R, mounting.r)
-    return replace(
-        block,
-        image_points=replace(points, colrow=colrow_from_xy(TRUTH, ideal)),
-        control=block.control[np.zeros(0, dtype=np.intp)],
-        trajectory=replace(trajectory, T_m_b=Pose(R=trajectory.T_m_b.R @ mounting.R, r=r)),
-    )
 
 
 def _fly(strips: Sequence[Strip], rng: np.random.Generator) -> Pose:

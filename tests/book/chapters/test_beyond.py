@@ -6,30 +6,21 @@ import numpy as np
 import pandas as pd
 import pyproj
 import pytest
-from matplotlib.colors import to_rgba
 from numpy.testing import assert_allclose
 
 from acx4book.chapters import design, failures, weights
 from acx4book.chapters.design import papers
 from acx4book.chapters.failures import (
-    CONTROL,
     TRAJECTORY,
-    changed,
-    examine,
-    flown,
-    late,
-    standardised,
 )
 from acx4book.notebooks.simulated import fly_and_read
 from acx4book.planning.design import sigmas
 from acx4book.planning.plan import strip_of
-from acx4book.typesetting import style
-from acx4lib.calibration import mounting, trajectory_errors
+from acx4lib.calibration import mounting
 from acx4lib.calibration.mounting import single_step
 from acx4lib.design import flying_heights
 from acx4lib.geometry.collinearity import refraction_taken_up
 from acx4sim.designs import acx4_ideal_plan
-from support.figures import drawn, panels
 
 # --- design ----------------------------------------------------------------------------------
 
@@ -42,32 +33,6 @@ def plan():
 @pytest.fixture(scope="module")
 def table(plan):
     return pd.DataFrame({n: sigmas(plan.with_control(n, (1300.0, 1000.0))) for n in (2, 5)})
-
-
-def test_curves_are_the_table_in_readable_units(table):
-    fig = design.curves(table, "control points")
-    interior, lever, _ = fig.axes
-    assert interior.lines[0].get_ydata() == pytest.approx(1000 * table.loc["f_mm"])
-    assert lever.lines[0].get_ydata() == pytest.approx(100 * table.loc["lever_z_m"])
-    assert all(ax.get_ylim()[1] / ax.get_ylim()[0] > 0.99 * design.LEAST_RANGE for ax in fig.axes)
-    both = design.curves(table, "control points", beside=2 * table)
-    assert len(both.axes[0].lines) == 6
-
-
-def test_a_map_shows_strips_where_they_are_flown(plan):
-    strips = plan.blocks["calibration"].strips
-    flights = {"all": plan, "one": plan.with_strips({"C1": strips["C1"]})}
-    fig = design.maps(flights)
-    first = fig.axes[0]
-    assert [ax.get_title() or ax.get_title(loc="left") for ax in fig.axes] == [*flights]
-    arrows = [text for text in first.texts if getattr(text, "arrow_patch", None) is not None]
-    assert len(arrows) == 5
-    strip = strips["C2"]
-    start, end = np.array(arrows[1].xyann), np.array(arrows[1].xy)
-    length = 0.001 * strip.base_m * (strip.n_exposures - 1)
-    assert np.hypot(*(end - start)) == pytest.approx(length)
-    course = np.degrees(np.arctan2(*(end - start))) % 360
-    assert course == pytest.approx(strip.course_deg % 360, abs=0.1)
 
 
 @pytest.fixture(scope="module")
@@ -114,41 +79,12 @@ def test_the_papers_block_is_the_simulators():
     assert papers().setup.gnss == ()
 
 
-# --- Some flights with mistakes, examined once -----------------------------------------------
-
-
-@pytest.fixture(scope="session")
-def found():
-    flight = flown(1)
-    control = flight.tables[CONTROL]
-    exchanged = {"east_m": control["north_m"], "north_m": control["east_m"]}
-    flights = {
-        "no mistake": flight,
-        "coordinates exchanged": changed(flight, {CONTROL: exchanged}),
-        "delay": changed(flight, {TRAJECTORY: late(flight, by_s=0.1)}),
-    }
-    return {name: examine(one) for name, one in flights.items()}
-
-
 # --- What plants mistakes changes what it is to change, by what it is to change it
 
 
 @pytest.fixture(scope="module")
 def flight():
     return failures.flown(1)
-
-
-def test_only_the_named_columns_are_changed(flight):
-    heights = flight.tables[CONTROL]["height_m"] - 45.0
-    other = failures.changed(flight, {CONTROL: {"height_m": heights}})
-    different = {
-        (path, column)
-        for path, table in flight.tables.items()
-        for column in table
-        if not table[column].equals(other.tables[path][column])
-    }
-    assert different == {(CONTROL, "height_m")}
-    assert failures.changed(flight, {}).tables.keys() == flight.tables.keys()
 
 
 def test_the_convergence_is_that_of_proj(flight):
@@ -172,29 +108,6 @@ def test_one_direction_is_one_height_and_one_direction(flight):
     assert np.ptp(track["height_m"]) < 60
     turns = np.exp(1j * np.radians(track["heading_deg"]))
     assert abs(turns.mean()) > 0.99
-
-
-def test_gross_errors_are_told_by_the_truth(flight):
-    spoiled = failures.flown(1, gross_errors=True)
-    assert {one["kind"] for one in spoiled.truth["gross_errors"]} >= {"image_point", "gnss"}
-    kept = pd.DataFrame(spoiled.tables[TRAJECTORY]["heading_deg"])
-    assert (kept.ne(flight.tables[TRAJECTORY][["heading_deg"]])).sum().item() == 1
-
-
-# --- Panels of one scale, a mark for what stands out, a sentence for what was refused
-
-
-def test_bars_are_the_residuals_and_red_where_they_stand_out(found):
-    fig = drawn(failures.fingerprints(found))
-    by_title = {ax.get_title(loc="left"): ax for ax in panels(fig)}
-    for name in ("no mistake", "delay"):
-        bars = by_title[name].patches
-        ends = [bar.get_x() + bar.get_width() for bar in bars]
-        rms = standardised(found[name])
-        np.testing.assert_allclose(ends, rms)
-        red = [bar.get_facecolor() == to_rgba(style.BRICK) for bar in bars]
-        assert red == list(rms > failures.SEEN)
-    assert len({ax.get_xlim() for ax in by_title.values()}) == 1
 
 
 # --- Slow errors and shifts of trajectories do to simulated calibrations what the book says
@@ -243,41 +156,6 @@ def test_weights_that_know_the_correlation_keep_their_promise(errors):
         assert 3.07 < np.sum((error / sigma) ** 2) < 28.3  # 12 degrees of freedom
 
 
-def test_scatter_is_the_rms_of_errors_over_that_of_sigma(errors):
-    error, sigma = of(errors, "slow", "f_mm")
-    table = weights.scatter(errors)
-    row = table.set_index(["kind", "parameter"]).loc["slow", "f_mm"]
-    assert row["rms"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-12)
-    assert row["ratio"] == pytest.approx(row["rms"] / np.sqrt(np.mean(sigma**2)), rel=1e-9)
-    assert row["sigma_ratio"] == pytest.approx(row["ratio"] / np.sqrt(24), rel=1e-12)
-    spans = weights.spans(table, "slow")
-    assert spans["boresight"] == (
-        ratios(errors, "slow", "boresight").min(),
-        ratios(errors, "slow", "boresight").max(),
-    )
-
-
-def test_height_errors_are_those_of_the_same_flight(errors):
-    table = weights.height_errors(1)
-    white, slow = (table[table["kind"] == kind]["error_m"] for kind in ("white", "slow"))
-    assert len(white) == len(slow) == 52
-    assert white.std() == pytest.approx(0.015, rel=0.35)  # the design's; 52 of them
-    assert slow.diff().std() < 0.6 * white.diff().std()  # sqrt(1 - 0.95^2) and the drift
-    figure = weights.trajectory_errors(table, weights.scatter(errors))
-    assert len(figure.axes) == 2
-
-
-def test_errors_of_one_flight_stand_by_their_parameters():
-    flown = fly_and_read("acx4-ideal", 1, weights.WHITE)
-    found = mounting.single_step(flown.block, free=flown.flight.estimate_mounting, snooping=False)
-    table = weights.errors(flown, found)
-    lever = found.calibration.cameras[0].T_b_c.r
-    for axis in range(3):
-        row = table.loc[(f"lever {'xyz'[axis]}", "m")]
-        assert row["value"] == pytest.approx(lever[axis] - flown.truth[f"lever_{'xyz'[axis]}_m"])
-        assert row["error / σ"] == pytest.approx(row["value"] / row["sigma"])
-
-
 def test_a_shift_in_plan_no_longer_moves_the_lever_arm_when_it_is_unknown(shifts):
     """Across the strips its effect is 0.19 m, four sigma; eight flights average its noise out."""
     for kind, low, high in ((SHIFTED, 3.0, 6.0), (UNKNOWN, 0.0, 1.1)):
@@ -297,26 +175,6 @@ def test_the_variance_of_unit_weight_gives_a_shift_away(shifts):
     assert mean[UNKNOWN] == pytest.approx(1.0, abs=0.03)
 
 
-def test_a_lever_arm_that_is_held_has_no_errors_to_show(shifts):
-    found = weights.scatter(shifts)
-    table = weights.ratios(found)
-    assert table.loc["lever arm $z$"].isna().sum() == 1
-    row = found.set_index(["kind", "parameter"]).loc[(UNKNOWN, "f_mm")]
-    assert table.loc["$f$", "Shifted; unknown: shift"] == row["ratio"]
-    assert not any("k_1" in name for name in table.index)
-
-
-def test_the_mounting_page_says_what_was_estimated_or_that_nothing_was():
-    flown = fly_and_read("single-head", 1, weights.SHIFTED)
-    settings = {"free": flown.flight.estimate_mounting}
-    found = mounting.single_step(flown.block, **settings, gnss=("shift",))
-    notes = trajectory_errors.notes(found.bundle)
-    assert len(notes) == 3
-    assert "height of the GNSS shift is held, since it and the lever arm's z" in notes[1]
-    without = mounting.single_step(flown.block, **settings)
-    assert trajectory_errors.notes(without.bundle) == []
-
-
 # --- The printed standard deviations, and the noise of GNSS heights that would give them
 
 
@@ -332,15 +190,6 @@ def test_noisier_heights_are_seen_in_f_and_lever_z():
     # as large as it is, the noise of 52 heights is what determines both
     assert table["sigma_lever_z_m"].iloc[2] > 2 * table["sigma_lever_z_m"].iloc[1]
     assert len(weights.height_noise(table, beside_print=True).axes) == 2
-
-
-@pytest.mark.parametrize(
-    ("sigma_f_mm", "met"), [((0.0008, 0.0012), 1.0), ((0.0022, 0.0027), np.nan)]
-)
-def test_a_printed_sigma_outside_of_the_curve_is_met_nowhere(sigma_f_mm, met):
-    noise = {"gnss_height_m": (0.005, 0.015), "sigma_lever_z_m": (0.01, 0.02)}
-    table = pd.DataFrame(noise | {"sigma_f_mm": sigma_f_mm})
-    assert weights.met_at_cm(table, "f_mm") == pytest.approx(met, nan_ok=True)
 
 
 # --- refraction that is left out ---

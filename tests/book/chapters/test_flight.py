@@ -10,9 +10,6 @@ from acx4book.paper import printed
 from acx4lib.design import level_table
 from support.figures import drawn
 
-# --- The system and the target: directions of the flight, areas of a disc, names of the paper
-
-
 # --- the target ------------------------------------------------------------------------------
 
 
@@ -32,15 +29,6 @@ def test_pixels_sum_to_the_disc_where_its_middle_is(flight):
 # --- One exposure in space: measures of the scene, and the view on it
 
 
-def test_the_scene_is_the_middle_of_the_lowest_strips_in_the_axes_of_the_flight(flight):
-    found = chapter.scene(flight)
-    assert_allclose(found.centre, [0, 0, 1600], atol=15)
-    assert np.all(np.diff(found.places[:, 0]) > 0)  # along the flight
-    assert np.ptp(found.places[:, 1]) < 0.05 * np.ptp(found.places[:, 0])
-    assert_allclose(found.images[..., 2], 0, atol=1e-6)
-    assert_allclose(found.images.mean(axis=(0, 1)), 0, atol=200)
-
-
 def test_a_footprint_is_as_large_as_the_sensor_over_the_focal_length_says(flight):
     """Tilted by some 19 degrees, a head sees more ground than straight down."""
     found = chapter.scene(flight)
@@ -49,17 +37,6 @@ def test_a_footprint_is_as_large_as_the_sensor_over_the_focal_length_says(flight
     straight = 8984 * 6732 * (0.006 / 74 * found.centre[2]) ** 2
     tilt = np.arccos(np.cos(np.radians(14.9)) * np.cos(np.radians(11.3)))
     assert_allclose(area / straight, 1 / np.cos(tilt) ** 3, rtol=0.1)
-
-
-def test_straight_lines_stay_straight_and_what_is_nearer_is_larger(flight):
-    look = chapter.Look.at(chapter.scene(flight))
-    line = np.linspace([-300.0, 200.0, 0.0], [400.0, -500.0, 700.0], 5)
-    off = look(line) - look(line)[0]
-    assert_allclose(off[:, 0] * off[-1, 1], off[:, 1] * off[-1, 0], atol=1e-6)
-    near, far = (np.ptp(look(np.array([[0.0, y, 0.0], [1.0, y, 0.0]]))[:, 0]) for y in (-500, 500))
-    assert near > far
-    up = look(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 500.0]]))
-    assert up[1, 1] > up[0, 1]
 
 
 # --- What flew, above the paper's numbers where it is the paper's flight
@@ -81,10 +58,3 @@ def test_the_papers_flight_stands_above_the_papers_numbers(flight):
     assert said_low["side overlap (%)"] == 50
     (held,) = chapter.printed_contents(flight).to_dict("records")
     assert held == {"paper: images each": 31, "paper: surveyed": 56}
-
-
-def test_other_flights_stand_alone(other):
-    alone = flown(other)
-    pd.testing.assert_frame_equal(chapter.beside_paper(alone, other), alone)
-    contents = other.table()
-    assert list(contents.join(chapter.printed_contents(other))) == list(contents)

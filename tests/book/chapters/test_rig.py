@@ -15,7 +15,6 @@ from acx4book.chapters.rig import (
 )
 from acx4book.notebooks.truth import beside_truth, beside_truths
 from acx4files import flight as flights
-from acx4files.stages import attempt
 from acx4files.stages import rig as stages_rig
 from acx4lib.calibration import heads
 from acx4lib.calibration import rig as calibration_rig
@@ -69,31 +68,11 @@ def ways():
     )
 
 
-@pytest.fixture
-def failed():
-    return attempt(heads.relative_orientation, heads.Heads(bundles={}, failures={"A": "no"}), None)
-
-
-def test_focal_lengths_are_held_in_one_way_only(ways):
-    f = [head.interior.f for head in ways.held.heads]
-    assert f == [head.interior.f for head in ways.refined.heads] == [50.0, 50.1]  # as declared
-    for one in (ways.with_f, ways.apart, ways.rigid):
-        assert 0 < abs(one.heads[0].interior.f - 50.0) < 0.1
-
-
 def test_more_knowledge_makes_smaller_sigmas(ways):
     """The rig has all observations of the heads one by one, and the trajectory besides."""
     for before in (ways.with_f, ways.apart):
         assert np.all(before.sigma > ways.rigid.sigma)
         assert min(median_gains(before, ways.rigid).values()) > 1
-
-
-def test_medians_of_gains_are_by_kinds_of_parameters(ways, failed):
-    found = median_gains(ways.apart, ways.rigid)
-    assert list(found) == ["$X_c$ and $Y_c$", "$Z_c$", "the angles"]
-    every = ways.apart.sigma / ways.rigid.sigma
-    assert list(found.values()) == [np.median(every[:, a:b]) for a, b in ((0, 2), (2, 3), (3, 6))]
-    assert median_gains(failed, ways.rigid) == {}
 
 
 # --- What errors of the heads do to the synthetic image
@@ -225,12 +204,6 @@ def test_misfits_and_deformations_are_as_large_as_predicted():
 # --- What a simulated flight knows of its heads
 
 
-def test_the_truth_is_that_of_the_simulation(flight, stage):
-    known, exact = optics.HEADS["CAM2"], rig.true_orientation(flight, stage.rig)
-    assert exact.heads[1].interior.f == known.f_mm
-    assert np.degrees(exact.opk[1]) == pytest.approx(known.boresight_deg)
-
-
 def test_estimates_lie_within_four_standard_deviations_of_the_truth_beside_them(flight, stage):
     table = stage.rig.table()
     beside = beside_truth(flight, table)
@@ -242,20 +215,6 @@ def test_estimates_lie_within_four_standard_deviations_of_the_truth_beside_them(
         error = (table.loc[at, "value"] - told) / table.loc[at, "sigma"]
         assert beside.loc[at, "error (σ)"] == pytest.approx(error)
         assert float(beside.loc[at, "truth"].replace("−", "-")) == pytest.approx(told, abs=6e-5)
-
-
-def test_a_table_of_one_camera_is_told_its_name(flight, stage):
-    table = stage.rig.table()
-    alone = beside_truth(flight, table.xs("CAM3", level="camera"), "CAM3")
-    assert alone.equals(beside_truth(flight, table).xs("CAM3", level="camera"))
-
-
-def test_ways_side_by_side_have_the_truth_once(flight, stage):
-    table = stage.rig.table()
-    off = table.assign(value=table["value"] + 2 * table["sigma"])
-    known = beside_truths(flight, {"as found": table, "two off": off})
-    assert [*known] == [("truth", ""), ("as found", "error (σ)"), ("two off", "error (σ)")]
-    np.testing.assert_allclose((known["two off"] - known["as found"]).dropna(), 2.0)
 
 
 def test_a_flight_that_was_not_simulated_has_no_truth(flight, stage, tmp_path):

@@ -15,15 +15,6 @@ def found():
     return synthetic_cost.read()
 
 
-def test_the_stored_study_has_all_flights_both_ways_and_through_the_heads_of_one(found):
-    assert found.n_flights == 48
-    assert found.shared.groupby("heads_of")["seed"].nunique().tolist() == [16, 16, 16]
-    for way in (synthetic_cost.SYNTHETIC, synthetic_cost.RIG):
-        own = found.parameters[found.parameters["way"] == way]
-        assert (own["parameter"] == "sigma0_squared").sum() == 48
-    assert found.about["design"] == "acx4"
-
-
 def test_the_rig_keeps_its_promises(found):
     table = synthetic_cost.scatter(found, synthetic_cost.RIG)
     assert len(table) == 48
@@ -68,18 +59,6 @@ def test_the_standard_error_of_a_percentage_is_that_of_repeated_studies():
     assert sigma.mean() == pytest.approx(percent.std(), rel=0.1)  # 3.5 % of 400
 
 
-def test_an_excess_that_is_planted_is_found(found):
-    own = found.parameters.copy()
-    factor = own["parameter"] == "sigma0_squared"
-    rig = own[factor & (own["way"] == synthetic_cost.RIG)].set_index("seed")["value"]
-    planted = factor & (own["way"] == synthetic_cost.SYNTHETIC)
-    own.loc[planted, "value"] = (rig.loc[own.loc[planted, "seed"]] + 0.5).to_numpy()
-    said = synthetic_cost.excess(replace(found, parameters=own))
-    assert said["difference"] == pytest.approx(0.5)
-    assert said["sigma"] == pytest.approx(0.0, abs=1e-9)
-    assert said["beyond"] == found.n_flights
-
-
 def test_what_is_stated_holds_among_flights_with_the_same_heads(found):
     assert synthetic_cost.scatter_of_shared(found).between(0.6, 1.3).all()
     assert 3 < synthetic_cost.scatter(found, synthetic_cost.SYNTHETIC)["ratio"].max() < 4
@@ -111,9 +90,6 @@ def test_scatter_with_heads_is_that_of_planted_noise(found):
     assert both["exact"].to_numpy() == pytest.approx(4 / np.hypot(sigma, of_heads), rel=0.06)
     assert both["alone"].to_numpy() == pytest.approx(sigma)
     assert both["low"].iloc[0] == pytest.approx(1 - 2.81 / np.sqrt(2 * 1999), abs=0.002)
-
-
-# --- What four lens centres make of one camera: patterns, a lever arm, and radial distortion
 
 
 # --- the pattern of residuals
@@ -153,30 +129,6 @@ def test_a_pattern_in_proportion_to_1_over_h_is_followed_to_any_height():
     assert row["RMS (px)"] == pytest.approx(np.sqrt(5 / 4))
 
 
-def test_a_step_within_one_head_is_none_of_a_seam():
-    row = left(two_heights((3.0, -6.0), (2.0, -4.0), ("CAM1", "CAM1")), 1000.0)
-    assert row["largest step at a seam (px)"] == 0
-
-
-def test_the_flying_heights_of_the_study_come_out_as_stored():
-    pattern = synthetic_cost.read().pattern
-    for height_m, own in pattern.groupby("height_m"):
-        found = synthetic_cost.at_height(pattern, float(height_m))
-        assert synthetic_cost.rms_px(found) == pytest.approx(synthetic_cost.rms_px(own))
-
-
-def test_the_largest_steps_are_at_the_seams():
-    pattern = synthetic_cost.read().pattern
-    # every pair of neighbours counts as a seam
-    whole = pattern.assign(head=[f"{c % 2}{r % 2}" for c, r in zip(*places(pattern), strict=True)])
-    found, within = (left(p, 1000.0)["largest step at a seam (px)"] for p in (pattern, whole))
-    assert found == pytest.approx(within)
-
-
-def places(found):
-    return [np.unique(found[name], return_inverse=True)[1] for name in ("col_px", "row_px")]
-
-
 # --- the lever arm
 
 
@@ -207,24 +159,9 @@ def test_it_is_the_polynomial_of_eq_7():
     assert found == pytest.approx([1000 * (1e-4 + 1e-5 + 1e-6), 0])
 
 
-def test_the_radius_ends_at_the_corner_of_the_frame():
-    assert synthetic_cost.radius_mm()[-1] == pytest.approx(np.hypot(67.2, 90.72) / 2)
-
-
 def test_a_line_is_followed_to_the_focal_length_of_the_print():
     differences = pd.DataFrame({"k1": [-1.0, 1.0], "k2": [-3.0, -1.0]}, index=[74.0, 74.2])
     assert synthetic_cost.focal_lengths(differences) == pytest.approx([74.1, 74.3])
-
-
-def test_the_print_itself_is_no_sigma_away():
-    found = synthetic_cost.read()
-    own = found.sweep.copy()
-    for name, value in zip(
-        synthetic_cost.RADIAL, synthetic_cost.printed_with_sigma()[0], strict=True
-    ):
-        own.loc[(own["camera"] == "SYN") & (own["parameter"] == name), "value"] = value
-    planted = synthetic_cost.Study(**{**vars(found), "sweep": own})
-    assert all((table == 0).all(axis=None) for table in synthetic_cost.in_sigma(planted).values())
 
 
 def test_without_distance_of_the_centres_there_is_hardly_any_distortion():
@@ -234,51 +171,13 @@ def test_without_distance_of_the_centres_there_is_hardly_any_distortion():
     assert corner[2] == pytest.approx(2 * corner[1], rel=0.1)  # in proportion to the side
 
 
-# --- Figures of scatter over sigma, of radial distortion, and of lens centres
-
-
 # --- Tables of what the synthetic image costs
-
-
-def test_accuracy_has_points_and_pairs_by_axis(found):
-    table = synthetic_cost.accuracy_table(found)
-    assert [over for over, _ in table.index] == ["points"] * 3 + ["pairs"] * 3
-    own = found.points[found.points["way"] == synthetic_cost.RIG]
-    rms = (own["rms_m"] ** 2).groupby([own["over"], own["axis"]], sort=False).mean() ** 0.5
-    assert table["RMS (m)", "rig"].tolist() == pytest.approx(rms.tolist())
-
-
-def test_parameters_are_those_over_flights(found):
-    table = synthetic_cost.parameters(found)
-    assert len(table) == 14
-    own = (
-        synthetic_cost.scatter(found, synthetic_cost.SYNTHETIC)
-        .set_index("parameter")
-        .loc["lever_z_m"]
-    )
-    row = table.loc[("lever z", "m")]
-    assert row["mean and scatter over flights", "value"] == own["mean"]
-    assert row["scatter over σ of the single step", "value"] == own["ratio"]
-
-
-def test_both_parts_of_sigma_stand_beside_the_scatter(found):
-    table = synthetic_cost.with_heads(found)
-    own = synthetic_cost.scatter_with_heads(found).loc["xp_mm"]
-    row = table.loc[("xp", "mm")]
-    assert row["σ of the heads"] == own["sigma_before"]
-    assert row["σ"] == pytest.approx(np.hypot(own["alone"], own["sigma_before"]))
-    assert row["of noise alone"] == own["noise"]
 
 
 def test_a_step_on_the_ground_is_its_pixels_times_the_ground_pixel(found):
     row = synthetic_cost.heights(found, [1000.0]).iloc[0]
     step, ground = row["largest step at a seam (px)"], row["that step on the ground (cm)"]
     assert ground / step == pytest.approx(100 * 1000 * 5.6e-3 / 74.4404)
-
-
-def test_the_best_height_is_between_those_of_the_table(found):
-    table = synthetic_cost.heights(found)
-    assert table["flying height (m)"][table["RMS (px)"].idxmin()] == 1500.0
 
 
 def test_a_shift_follows_the_lever_arm_wherever_the_lens_centres_are(found):

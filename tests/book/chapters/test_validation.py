@@ -53,21 +53,6 @@ def test_the_papers_rms_in_plan_is_that_of_both_coordinates(flight, other):
     assert printed.plan_and_height(other, "single_step") is None
 
 
-def test_points_near_their_survey_are_counted(found):
-    row = validation.counts({"single": found}).loc["single"]
-    near = np.linalg.norm(found.points.d, axis=1) <= 3 * ground_sample_m(found.block)
-    assert row["points within 3 GSD in XYZ"] == near.sum()
-    assert row["share of them (%)"] == pytest.approx(100 * near.mean())
-    assert row["pairs that failed"] == found.n_failed
-
-
-def test_all_differences_of_a_method_are_tested_together(found):
-    row = validation.together({"single": found}).iloc[0]
-    assert row["degrees of freedom"] == 27
-    assert row["χ²"] == found.joint_chi_square
-    assert row["p"] == found.joint_chi_square_p
-
-
 def test_correlated_points_leave_wider_limits(found):
     test = accuracy.normalised_test(
         found.points.d,
@@ -98,8 +83,3 @@ def test_the_mean_that_correlations_harm_most_is_named(found):
     assert worst["axis"] == ("east", "north", "height")[int(np.argmax(ratio))]
     assert worst["sigma"] / worst["if_independent"] == pytest.approx(ratio.max())
     assert worst["n"] == 9
-
-
-def test_classes_of_nine_points_are_not_stated(found, sizes):
-    table = validation.classes({"single": found}, {"single": sizes}, (1000,))
-    assert table["single"]["PEC-PCD 1:1000, plan / height"].startswith("not stated, n = 9")

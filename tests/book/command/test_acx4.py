@@ -15,12 +15,12 @@ from acx4book.command.acx4 import main
 from acx4book.notebooks import runner
 from acx4files.results import folder as results
 from acx4files.results import provenance
-from acx4files.results.own_folder import MARK
+from acx4files.results.own_folder import LOCK
 from support.flights.written import change
 from support.helpers import hears_interrupts, repeats, write_notebook
 
 COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]
-LEFT = {*results.FILES, provenance.FILE, provenance.KEPT, MARK}
+LEFT = {*results.FILES, provenance.KEPT, LOCK}
 PARAMETERS = "flight_path = ''\nresults_path = ''\nseed = 1"
 
 
@@ -79,7 +79,7 @@ def test_what_was_typed_wrong_is_one_line_and_status_2(acx4, typed, says):
 
 def test_reading_a_flight_loads_nothing_that_adjusts_or_compiles():
     code = "import sys, acx4files.flight\n"
-    code += "assert not {'numba', 'scipy', 'pandas'} & set(sys.modules)"
+    code += "assert not {'numba', 'scipy', 'matplotlib'} & set(sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
@@ -113,7 +113,7 @@ def test_trying_readings_compiles_nothing(flight):
         "from acx4files.conventions import notes\n"
         "from acx4files.flight.reader import read\n"
         "assert not list(notes(read(sys.argv[1])))\n"
-        "assert not {'numba', 'scipy', 'pandas'} & set(sys.modules)"
+        "assert not {'numba', 'scipy', 'matplotlib'} & set(sys.modules)"
     )
     done = subprocess.run(
         [sys.executable, "-c", code, flight], capture_output=True, text=True, check=False

@@ -1,23 +1,18 @@
 """Drawings of the foundations show what their chapters say."""
 
 import numpy as np
-import pandas as pd
 import pytest
-from matplotlib.figure import Figure
-from matplotlib.patches import Ellipse
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from acx4book.foundations import adjusting, example
-from acx4book.foundations.designs import lines, planned
+from acx4book.foundations.designs import lines
 from acx4book.foundations.drawings import adjustment, camera, frames, strips
 from acx4book.paper import printed
-from acx4lib.bundle.adjust import free_orientation
-from acx4lib.bundle.free_network import adjust_free
 from acx4lib.geometry.camera import Interior, distort
 from acx4lib.geometry.camera import distortion as of_library
-from acx4lib.geometry.frames import exp, rotation_from_opk
-from support.figures import assert_labelled, assert_texts_apart, drawn, panels, quivers, title
+from acx4lib.geometry.frames import exp
+from support.figures import assert_labelled, drawn, panels, title
 from support.helpers import numeric_jacobian
 
 # --- image -----------------------------------------------------------------------------------
@@ -33,13 +28,6 @@ def test_the_ray_goes_through_the_image_point_to_the_ground():
     (x, y), (across, down) = said["image point $a$"].xy, said["point $A$"].xy
     assert_allclose(y / down, x / across)
     assert_allclose([-y, -down], [camera.F, camera.H])
-
-
-def test_the_same_point_has_coordinates_half_a_pixel_apart():
-    found = [
-        next(t for t in words(ax) if t[0] == "(") for ax in panels(drawn(camera.first_pixels()))
-    ]
-    assert found == ["(2, 1)", "(2.5, 1.5)"]
 
 
 # --- rotations -------------------------------------------------------------------------------
@@ -139,15 +127,6 @@ def test_what_is_left_has_nothing_of_the_field_that_was_taken_out():
     assert f"RMS {rms:.0f} µm, drawn 5 times longer" in words(left)
 
 
-def test_differences_on_the_ground_turn_with_the_aircraft():
-    down_left = np.tile([-0.1, -0.1], (4, 2, 1))
-    fig = drawn(strips.differences(down_left, rotation_from_opk(example.attitudes())))
-    assert_labelled(fig)
-    assert_texts_apart(fig)
-    to_east = [np.unique(np.sign(quiver.U)) for quiver in quivers(panels(fig)[1])]
-    assert_allclose(np.ravel(to_east), [-1, -1, 1, 1])
-
-
 # --- distortion ------------------------------------------------------------------------------
 
 
@@ -188,12 +167,6 @@ def test_mistakes_are_of_the_order_that_the_series_gives():
 # --- least squares ---------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def results():
-    T, xy = adjusting.cameras(), example.measured()[:, 0]
-    return adjusting.intersected(T[:2], xy[:2]), adjusting.intersected(T, xy)
-
-
 def test_an_ellipse_has_the_points_of_equal_probability():
     cov = np.array([[4.0, 1.5], [1.5, 2.0]])
     (patch,) = adjustment.valley({"one": cov}).axes[0].patches
@@ -202,89 +175,7 @@ def test_an_ellipse_has_the_points_of_equal_probability():
     assert_allclose(square[:-1:3], 1.0)  # every third vertex of the curves is no control point
 
 
-def test_rays_of_all_images_end_in_p_and_two_ellipses_are_enlarged(results):
-    fig = drawn(adjustment.where_rays_meet(adjusting.cameras(), results))
-    assert_labelled(fig)
-    assert_texts_apart(fig)
-    side, *near = fig.axes
-    ends = [line.get_xydata()[-1] for line in side.lines if len(line.get_xydata()) == 2]
-    assert_allclose(ends, np.tile(example.points()[0, [0, 2]], (4, 1)))
-    for ax in near:
-        back = ax.transData.inverted()
-        heights = [p.get_extents().transformed(back).height for p in ax.patches]
-        assert_allclose(heights, [200 * np.sqrt(fit.cov[2, 2]) for _, fit in results], rtol=0.02)
-
-
-def test_the_histogram_is_that_of_the_repetitions(results):
-    fits = [results[1][1]] * 20
-    fig = adjustment.promise(np.zeros((20, 3)), fits)
-    drawn(fig)
-    errors, test = fig.axes
-    assert sum(isinstance(patch, Ellipse) for patch in errors.patches) == 2
-    heights = np.array([bar.get_height() for bar in test.patches])
-    assert_allclose(heights[int(fits[0].square / 0.5)], 2.0)  # all of them, in half a unit
-    assert "5 degrees" in title(test)
-
-
-def test_bars_are_redundancy_numbers(results):
-    fig = adjustment.redundancy(results[0][1], results[1][1])
-    bars = [bar.get_height() for bar in fig.axes[0].patches]
-    assert_allclose(bars, [*results[0][1].redundancy, *results[1][1].redundancy])
-    assert_allclose([sum(bars[:4]), sum(bars[4:])], [1.0, 5.0])
-
-
-def test_a_valley_reaches_its_sigmas():
-    cov = np.array([[4.0, 3.9], [3.9, 4.0]])
-    fig = drawn(adjustment.valley({"narrow": cov, "wide": np.eye(2)}))
-    assert_labelled(fig)
-    back = fig.axes[0].transData.inverted()
-    sizes = [p.get_extents().transformed(back).size for p in fig.axes[0].patches]
-    assert_allclose(sizes, [[4.0, 4.0], [2.0, 2.0]], rtol=0.02)
-
-
-def test_inner_constraints_have_the_smaller_ellipses():
-    block = planned(lines(90, 270), control=0)
-    fig = drawn(adjustment.datums(adjust_free(free_orientation(block, free=()))))
-    assert_labelled(fig)
-    held, inner = (np.array([p.width * p.height for p in ax.patches]) for ax in fig.axes)
-    assert len(held) == len(inner) > 30
-    assert inner.sum() < held.sum()
-    assert title(fig.axes[1]) == "inner constraints"
-
-
 # --- bundle ----------------------------------------------------------------------------------
-
-
-def filled(patch, shape):
-    """Return which cells of a matrix a shape covers."""
-    covered = np.zeros(shape, dtype=bool)
-    for bar in patch.get_path().to_polygons():
-        (left, top), (right, _) = np.round(bar[0]), np.round(bar[2])
-        covered[int(top), int(left) : int(right)] = True
-    return covered
-
-
-def test_patterns_fill_a_cell_for_every_entry_and_name_the_rows():
-    A, _, _ = adjusting.equations(adjusting.start())
-    fig = drawn(adjustment.patterns(A, np.ones((27, 27))))
-    entries = (A != 0, A.T @ A != 0, np.ones((27, 27), dtype=bool))
-    for ax, entry in zip(fig.axes, entries, strict=True):
-        kinds = [filled(patch, entry.shape) for patch in ax.patches]
-        assert_array_equal(np.sum(kinds, axis=0), entry)
-    boresight, poses, points, both = (filled(p, (33, 33)) for p in fig.axes[1].patches)
-    assert boresight[0, 20]  # the boresight's border
-    assert (poses[3, 8], poses[3, 9], points[27, 29], points[27, 30]) == (True, False, True, False)
-    assert both[3, 27]
-    assert fig.axes[0].texts[0].get_text() == "image points"
-    assert_texts_apart(fig)
-
-
-def test_a_block_s_images_and_points():
-    fig = drawn(adjustment.of_block(example.block()))
-    assert_labelled(fig)
-    seen, shared = (ax.patches[0] for ax in fig.axes)
-    assert filled(seen, (4, 2)).all()
-    assert filled(shared, (4, 4)).all()
 
 
 def test_cost_is_that_of_the_formulas():
@@ -294,27 +185,6 @@ def test_cost_is_that_of_the_formulas():
     assert whole[4] == adjusting.whole(4, 40, n_shared=14)
     assert reduced[10_000] == adjusting.reduced(10_000, 100_000, 4, n_shared=14)
     assert band[10_000] < reduced[10_000] < whole[10_000]
-
-
-def test_a_step_of_nothing_is_drawn_at_the_foot():
-    fig = drawn(adjustment.convergence({"1°": [100.0, 1e-3, 0.0], "2°": [200.0, 1e-1, 1e-5]}))
-    assert_labelled(fig)
-    assert_allclose(fig.axes[0].lines[0].get_ydata(), [100.0, 1e-3, adjustment.ROUNDING])
-    assert_allclose(fig.axes[0].lines[1].get_ydata(), [200.0, 1e-1, 1e-5])
-
-
-def test_arrows_are_what_is_left_enlarged():
-    views = {
-        "flat": adjusting.view((0, 0, 0)),
-        "hills": adjusting.view((0, 0, 0), relief_m=50.0),
-    }
-    fig = drawn(adjustment.what_is_left(views))
-    change, flat, hills = (quivers(ax)[0] for ax in fig.axes[:3])
-    assert_allclose(np.c_[change.U, change.V], 5.0 * views["flat"].xy / example.F_MM)
-    assert_allclose([flat.U, flat.V], 0.0, atol=1e-6)
-    assert_allclose(np.c_[hills.U, hills.V].ravel(), 100 * views["hills"].left[:, 0])
-    assert title(fig.axes[2]).startswith("hills")
-    assert_texts_apart(fig)
 
 
 @pytest.mark.parametrize("column", [0, 1, 2])
@@ -364,31 +234,6 @@ def test_opposite_lines_and_another_height_tell_the_three_errors_apart():
     }
 
 
-@pytest.mark.parametrize("strip", ["A", "B"])
-def test_misclosures_are_drawn_with_their_direction(strip):
-    xy = np.arange(16.0).reshape(8, 2)
-    d = np.tile([[3.0, 4.0]], (8, 1))
-    fig = strips.misclosures(xy, 100 * d, d)
-    drawn = [q for q in fig.axes[0].collections if q.get_label() == f"strip {strip}"]
-    assert_allclose(drawn[0].U / drawn[0].V, 0.75)
-    assert {text.get_text() for ax in fig.axes for text in ax.texts} == {"500 µm", "5 µm"}
-
-
-def test_the_drawings_name_their_parts():
-    words = {text.get_text() for text in strips.vector_sum().axes[0].texts}
-    assert {"IMU, $b$", r"$R_b^m r_c^b$"} <= words
-    assert [ax.get_title(loc="left") for ax in strips.three_flights().axes] == [
-        "boresight",
-        "lever arm",
-        "GNSS shift",
-    ]
-    fig = strips.ground_errors(
-        height_m=500.0, half_m=(200.0, 150.0), position_m=np.ones(3), attitude_rad=np.full(3, 1e-4)
-    )
-    assert isinstance(fig, Figure)
-    assert [ax.get_title(loc="left") for ax in fig.axes[:2]] == ["position forward", "height"]
-
-
 # --- the Earth, its heights and the projection as they are drawn -----------------------------
 
 
@@ -402,12 +247,6 @@ def test_the_normal_meets_the_ellipse_at_right_angles():
     gradient = at / np.array([1.0, frames.FLAT]) ** 2
     forward = normal[1] - normal[0]
     assert_allclose(forward / np.hypot(*forward), gradient / np.hypot(*gradient), atol=1e-4)
-
-
-def test_the_heights_are_named():
-    left, right = frames.earth().axes
-    assert {"$h_e$", "$B$", "north"} <= {t.get_text() for t in left.texts}
-    assert {"$h_e$", "$h_0$", "$N$", "geoid"} <= {t.get_text() for t in right.texts}
 
 
 def test_the_second_axis_is_the_focal_length_that_the_scale_causes():
@@ -428,27 +267,3 @@ def test_the_footprint_lies_along_the_flight():
     fig = strips.plans({"one": lines(0.0), "two": lines(90.0, height_m=1000.0)})
     for ax, size in zip(fig.axes, ([300.0, 400.0], [800.0, 600.0]), strict=True):
         assert_allclose(np.ptp(ax.lines[0].get_xydata(), axis=0), size)
-
-
-def test_every_plan_has_its_panel_and_its_control_points():
-    fig = strips.plans({"one": lines(90), "two": lines(90, 270, height_m=900.0)})
-    assert [ax.get_title(loc="left") for ax in fig.axes] == ["one", "two"]
-    assert len(fig.axes[0].lines[-1].get_xdata()) == len(strips.CONTROL_M)
-
-
-def test_large_correlations_are_written_once_a_pair_and_side():
-    names = ["f, mm", "lever z, m"]
-    table = pd.DataFrame([[1.0, -0.98], [-0.98, 1.0]], names, names)
-    low = pd.DataFrame(np.eye(2), names, names)
-    fig = strips.correlations({"a": table, "b": low})
-    assert [text.get_text() for text in fig.axes[0].texts] == ["−.98", "−.98"]
-    assert not fig.axes[1].texts
-    assert [label.get_text() for label in fig.axes[0].get_yticklabels()] == ["f", "lever z"]
-
-
-def test_curves_are_drawn_over_the_ratio():
-    names = ["lever x, m", "lever y, m", "lever z, m", "xp, mm", "yp, mm", "f, mm"]
-    table = pd.DataFrame({1.0: np.arange(1.0, 7.0), 2.0: np.arange(2.0, 8.0)}, index=names)
-    left, right = strips.against_ratio(table).axes
-    assert_allclose(left.lines[2].get_ydata(), [3.0, 4.0])
-    assert right.get_ylabel() == "σ (mm)"

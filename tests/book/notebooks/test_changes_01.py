@@ -59,11 +59,3 @@ def test_from_one_height_all_standard_deviations_grow(run, as_it_is):
     assert lowest["quality"]["measured points"].sum() < as_it_is["quality"]["measured points"].sum()
     before, after = (names["interior"]["sigma"].dropna() for names in (as_it_is, lowest))
     assert np.all(after > before)
-
-
-def test_without_decentring_the_variance_of_every_head_rises(run, as_it_is):
-    without = run(CHOICES, 'free = ("xp", "yp", "k1")')
-    variances = [names["quality"]["σ0²"] for names in (as_it_is, without)]
-    assert np.all(variances[1] > variances[0])
-    assert variances[1].mean() > 1.02 * variances[0].mean()
-    assert "p1" not in without["interior"].index.get_level_values("parameter")

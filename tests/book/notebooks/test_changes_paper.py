@@ -54,14 +54,6 @@ def test_from_one_height_every_block_has_one_level(run_00, as_it_is_00):
     assert seen[1] < seen[0]
 
 
-def test_without_the_first_strip_a_level_of_every_block_has_one_less(run_00, as_it_is_00):
-    fewer = run_00("without_strips", "{b.images.strips[0]}")
-    before, after = (
-        names["flown"]["strips"].groupby("block").sum() for names in (as_it_is_00, fewer)
-    )
-    assert (before - after == 1).all()
-
-
 def test_without_control_its_points_are_tie_points_and_heights_are_not_known(run_00, as_it_is_00):
     without = run_00("without_control")
     before, after = (names["contents"].loc["calibration"] for names in (as_it_is_00, without))
@@ -76,8 +68,6 @@ def test_without_control_its_points_are_tie_points_and_heights_are_not_known(run
 
 
 READ_02 = "orientation = synthetic.read_heads(flight, results_path)"
-TIED = "ties = matched.ties if matched else shared_points(flight.heads, orientation)"
-MATCHED = "matched = find(pictures, orientation) if pictures else None"
 TURNED = (
     "orientation = replace(orientation, opk=orientation.opk"
     " + np.radians(0.01) * np.eye(len(orientation.opk), 3, -1))"
@@ -120,21 +110,6 @@ def test_heads_that_are_turned_are_turned_back(unchanged, run_02):
     assert after["three rotations"] == pytest.approx(before["three rotations"], rel=0.01)
     back = turns(other) - turns(unchanged)
     assert back.tolist() == pytest.approx([-10, 0, 0], abs=0.05)
-
-
-def test_tie_points_that_are_believed_less_halve_sigma0(unchanged, run_02):
-    other = run_02({TIED: f"{TIED}\nties = replace(ties, sigma_px=2 * ties.sigma_px)"})
-    before, after = (found["left"].loc["three rotations"] for found in (unchanged, other))
-    assert after["σ₀"] == pytest.approx(before["σ₀"] / 2, rel=1e-6)
-    assert after[tables.RMS] == pytest.approx(before[tables.RMS], rel=1e-6)
-
-
-def test_points_that_were_measured_are_fewer_than_those_of_the_pictures(unchanged, run_02):
-    other = run_02({MATCHED: "matched = None"})
-    assert other["numbers"]["n"] < unchanged["numbers"]["n"]
-    assert other["left"][tables.RMS]["three rotations"] < 0.001  # they are exact in this flight
-    assert tables.EACH in unchanged["left"].index
-    assert tables.EACH not in other["left"].index
 
 
 # --- flights that lack something ---------------------------------------------------------------
@@ -342,11 +317,6 @@ def as_it_is_08(run_08):
     return run_08()
 
 
-def sigma_08(names, parameter):
-    """Return the largest standard deviation of a parameter; zero where it is held."""
-    return float(names["estimates"]["sigma"].xs(parameter, level="parameter").fillna(0).max())
-
-
 def test_the_equations_by_hand_are_the_librarys(as_it_is_08):
     np.testing.assert_allclose(as_it_is_08["ideal"], as_it_is_08["measured"], atol=1e-6)
     for ours, theirs in zip(as_it_is_08["by_hand"], as_it_is_08["library"], strict=True):
@@ -360,13 +330,6 @@ def test_without_shared_points_the_overlaps_of_the_rig_misfit_more(run_08, as_it
     found = apart["in_pixels"][IN_OVERLAPS]
     assert found["rig"] > 1.4 * before["rig"]
     assert found["rig"] == pytest.approx(before["rig, no shared points"], rel=0.02)
-
-
-def test_from_one_height_the_focal_length_is_poorly_known_or_held(run_08, as_it_is_08):
-    lowest = run_08("block = design.lowest_height(block)")
-    assert sigma_08(as_it_is_08, "f") > 0
-    assert sigma_08(lowest, "lever z") > 2 * sigma_08(as_it_is_08, "lever z")
-    assert sigma_08(lowest, "f") == 0 or sigma_08(lowest, "f") > 5 * sigma_08(as_it_is_08, "f")
 
 
 def test_without_control_only_the_rig_orients_the_heads(run_08, as_it_is_08):

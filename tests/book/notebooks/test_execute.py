@@ -32,30 +32,6 @@ def execute(notebook, executed, **given):
 
 
 @pytest.mark.slow
-def test_the_process_is_this_interpreter_alone(tmp_path, monkeypatch):
-    (tmp_path / "statistics.py").write_text("raise ImportError('from the current folder')")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MPLBACKEND", "agg")
-    notebook = write_notebook(
-        tmp_path / "{a} \u00e9.ipynb",
-        PARAMETERS,
-        "import os, statistics, sys\n[sys.executable, os.getcwd()]",
-        "from acx4book import notebook\nfrom acx4book.typesetting import style\n"
-        "notebook.begin()\nstyle.subplots(figsize=(2, 2))[0]",
-        "flight_path",
-    )
-    given = {"flight_path": "{b} \u00e9", "of_another_notebook": 1}
-    executed, steps = execute(notebook, tmp_path / "out" / "{}.ipynb", **given)
-    found = executed.cells[2].outputs[0].data["text/plain"]
-    assert str([os.sys.executable, str(tmp_path)]) == found.replace("\n", "").replace(",  ", ", ")
-    drawn = executed.cells[3].outputs[0].data
-    assert drawn["image/svg+xml"].startswith("<svg ")
-    assert "image/png" not in drawn
-    assert executed.cells[4].outputs[0].data["text/plain"] == "'{b} \u00e9'"
-    assert steps == [(done, 5) for done in range(6)]
-
-
-@pytest.mark.slow
 def test_two_runs_are_equal_byte_for_byte(tmp_path):
     notebook = write_notebook(
         tmp_path / "a.ipynb",

@@ -5,15 +5,13 @@ import shutil
 import pandas as pd
 import pytest
 
-import acx4 as acx
 import acx4sim
 from acx4book.notebooks import runner
 from acx4book.notebooks.execute import NotebookError
 from acx4files.results import folder as results
-from acx4files.results import own_folder, provenance
-from acx4files.results.own_folder import MARK
+from acx4files.results import provenance
+from acx4files.results.own_folder import LOCK
 from acx4files.results.whole_files import SCRATCH
-from acx4lib.errors import OutputError
 from support.flights import written
 from support.helpers import write_notebook
 
@@ -67,10 +65,7 @@ def test_two_runs_leave_the_same_bytes_and_skipped_stages_leave_nothing(
     told = []
     for name in ("one", "two"):
         folder = tmp_path / name / "results"
-        with own_folder.claim(folder, command=runner.COMMAND) as own:
-            own.expect(results.FILES)
-            results.replace(folder, ["heads"], tables={}, summary={"heads/bundle/OLD": {}})
-            own.seal()
+        results.replace(folder, ["heads"], tables={}, summary={"heads/bundle/OLD": {}})
         report = runner.run(
             flight_path,
             folder,
@@ -79,12 +74,10 @@ def test_two_runs_leave_the_same_bytes_and_skipped_stages_leave_nothing(
         )
     one, two = contents(tmp_path / "one"), contents(tmp_path / "two")
     assert sorted(one) == sorted(
-        [f"results/{name}" for name in (*results.FILES, provenance.FILE, MARK)]
+        [f"results/{name}" for name in (*results.FILES, LOCK)]
         + [f"results/{provenance.KEPT}/{name}" for name in provenance.read(folder).files]
         + [f"results/notebooks/{runner.NOTEBOOKS[s]}.ipynb" for s in (*report.ran, "flight")]
     )
-    # The folder's own name stands in the cell of the parameters, and so in its checksum.
-    del one[f"results/{MARK}"], two[f"results/{MARK}"]
     assert one == {k: v.replace(b"/two/", b"/one/") for k, v in two.items()}
     assert report.ran == ("mounting", "validation")
     assert report.skipped == (
@@ -100,20 +93,6 @@ def test_two_runs_leave_the_same_bytes_and_skipped_stages_leave_nothing(
 
 
 @pytest.mark.slow
-def test_a_stage_alone_replaces_only_its_own(tmp_path, flight_path, notebooks_path):
-    runner.run(flight_path, tmp_path / "results", notebooks=notebooks_path)
-    path = notebooks_path / "04-validation.ipynb"
-    path.write_text(path.read_text().replace("seed = 1", "seed = 5"))
-    runner.run(
-        flight_path,
-        tmp_path / "results",
-        stages=["validation"],
-        notebooks=notebooks_path,
-    )
-    assert results.read(tmp_path / "results").parameters["value"].tolist() == [1.0, 5.0]
-
-
-@pytest.mark.slow
 def test_a_failing_notebook_changes_nothing_and_is_kept_until_it_succeeds(
     tmp_path, flight_path, notebooks_path
 ):
@@ -125,17 +104,16 @@ def test_a_failing_notebook_changes_nothing_and_is_kept_until_it_succeeds(
     before = contents(folder)
     name = "04-validation.ipynb"
     good = (notebooks_path / name).read_bytes()
-    write_notebook(notebooks_path / name, PARAMETERS, keep("validation", "two_step"), "1 / 0")
+    write_notebook(notebooks_path / name, PARAMETERS, "1 / 0", keep("validation", "two_step"))
     with pytest.raises(NotebookError) as caught:
         runner.run(flight_path, folder, notebooks=notebooks_path)
     assert (
-        str(caught.value) == "notebook 04-validation, cell 3: ZeroDivisionError: division by zero"
+        str(caught.value) == "notebook 04-validation, cell 2: ZeroDivisionError: division by zero"
     )
     assert caught.value.__notes__ == undetermined["not_determined"]
     after = contents(folder)
     assert b"division by zero" in after.pop(f"failed/{name}")
-    assert after.pop(MARK) != before[MARK]
-    assert after == {name: content for name, content in before.items() if name != MARK}
+    assert after == before
     (notebooks_path / name).write_bytes(good)
     report = runner.run(flight_path, folder, stages=["validation"], notebooks=notebooks_path)
     assert contents(folder) == before
@@ -156,26 +134,6 @@ def test_what_is_not_determined_or_left_out_is_said_after_all_stages(
     report = runner.run(flight_path, tmp_path / "results", notebooks=notebooks_path)
     assert report.not_determined == ("lever_z_m",)
     assert report.left_out == ("two_step needs control",)
-
-
-def test_nothing_runs_where_an_argument_is_wrong(tmp_path, flight_path, notebooks_path):
-    folder = tmp_path / "results"
-
-    with pytest.raises(ValueError, match="unknown stage 'mountain'; known: heads, synthetic"):
-        runner.run(flight_path, folder, notebooks=notebooks_path, stages=["mountain"])
-    with pytest.raises(FileNotFoundError, match=r"00-flight\.ipynb: no such notebook"):
-        runner.run(flight_path, folder, notebooks=tmp_path)
-    assert not folder.exists()
-
-
-def test_results_that_acx4_did_not_write_stop_the_run(tmp_path, flight_path, notebooks_path):
-    folder = tmp_path / "results"
-    folder.mkdir()
-    pd.DataFrame({"stage": ["heads"]}).to_csv(folder / "parameters.csv")
-    before = contents(folder)
-    with pytest.raises(OutputError, match=r"holds what acx4 run did not write \(parameters\.csv\)"):
-        runner.run(flight_path, folder, notebooks=notebooks_path)
-    assert contents(folder) == before
 
 
 @pytest.mark.slow
@@ -229,21 +187,11 @@ def test_a_rig_runs_where_a_block_of_heads_has_several(tmp_path, notebooks_path,
         assert report.not_determined == ()
 
 
-def test_a_run_repeats_what_reading_the_flight_remarked(tmp_path, flight_path, notebooks_path):
-    flight = shutil.copytree(flight_path, tmp_path / "flight")
-    (flight / "old").mkdir()
-    (flight / "old" / "images.csv").write_text("image\n")
-    notes = acx.read(flight).notes
-    assert any(note.startswith("old/images.csv is in no block") for note in notes)
-    report = runner.run(flight, tmp_path / "results", stages=[], notebooks=notebooks_path)
-    assert report.notes == notes
-
-
 def test_what_a_killed_run_left_behind_is_removed(tmp_path, flight_path, notebooks_path):
     (tmp_path / "results" / f"{SCRATCH}x" / "notebooks").mkdir(parents=True)
     runner.run(flight_path, tmp_path / "results", stages=[], notebooks=notebooks_path)
     assert {path.name for path in (tmp_path / "results").iterdir()} == {
-        *(*results.FILES, provenance.FILE, provenance.KEPT, "notebooks", MARK)
+        *(*results.FILES, provenance.KEPT, "notebooks", LOCK)
     }
 
 

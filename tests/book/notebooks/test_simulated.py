@@ -11,8 +11,6 @@ from acx4book.notebooks import runner
 from acx4book.notebooks import simulated as notebooks_simulated
 from acx4book.planning import design, tables
 from acx4book.planning import plan as plans
-from acx4book.report.findings import findings
-from acx4book.report.material import read as read_results
 from acx4files.flight.reader import read
 from acx4files.results import folder
 from acx4files.stages import mounting as stages_mounting
@@ -20,7 +18,6 @@ from acx4files.stages import rig
 from acx4lib.calibration import mounting
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.trajectory_errors import parameters as gnss_parameters
-from acx4lib.errors import FlightError
 from acx4lib.georeferencing import weak
 from acx4lib.georeferencing.validation import validate
 from acx4sim.designs import PLANS
@@ -40,20 +37,6 @@ def test_a_design_and_a_plan_are_flown_by_their_seed(tmp_path):
         table = "calibration/trajectory.csv"
         assert first.tables[table].equals(again.tables[table])
         assert not first.tables[table].equals(other.tables[table])
-
-
-def test_what_is_neither_is_named(tmp_path):
-    with pytest.raises(ValueError, match="unknown flight 'acx5'; known: acx4, "):
-        notebooks_simulated.fly("acx5", seed=1)
-    with pytest.raises(FlightError, match=r"none\.toml"):
-        notebooks_simulated.check(str(tmp_path / "none.toml"))
-
-
-def test_refraction_by_an_option_is_for_designs(tmp_path):
-    path = tmp_path / "p.toml"
-    path.write_text(plans.written(values()))
-    with pytest.raises(ValueError, match='in a plan write refraction = "standard"'):
-        notebooks_simulated.fly(str(path), seed=1, options=Options(refraction="standard"))
 
 
 # --- A plan and the flight that the simulator flies of it
@@ -161,21 +144,6 @@ def test_the_run_of_a_plan_has_the_sigma_that_the_plan_predicts(name, tmp_path):
     assert {key: r for key, r in ratios.items() if abs(r - 1) > CLOSE} == {}
 
 
-@pytest.mark.repeats
-def test_sigma_of_delays_differs_from_flight_to_flight_and_so_from_the_plan(tmp_path):
-    """Their velocities and rates are those of the wind; the mean of flights has little of it."""
-    speeds = {
-        name: {**s, "speed_m_s": v} for (name, s), v in zip(TWO.items(), 3 * [55, 85], strict=True)
-    }
-    stages = {"mounting": {"estimate": ESTIMATE, "gnss": ["delay", "attitude_delay"]}}
-    plan = plans.from_values(values(**of_strips(**speeds), stages=stages))
-    found = [agreement(plan, flown(plan, tmp_path / f"{seed}", seed)) for seed in range(1, 13)]
-    for name, spread in (("gnss_delay_s", 0.06), ("attitude_delay_s", 0.12)):
-        ratio = np.array([one["single_step", name] for one in found])
-        assert ratio.std() == pytest.approx(spread, rel=0.5)
-        assert ratio.mean() == pytest.approx(1.0, abs=1.5 * spread)
-
-
 def test_a_plan_is_flown_with_its_own_settings_strips_and_points(tmp_path):
     plan = plans.from_values(values())
     flight = flown(plan, tmp_path / "flight")
@@ -190,16 +158,6 @@ def test_a_plan_is_flown_with_its_own_settings_strips_and_points(tmp_path):
     surveyed = block.frame.to_grid(block.control.x_m)
     expected = planned.frame.to_grid(planned.control.x_m)
     np.testing.assert_allclose(surveyed, expected, atol=0.08)
-
-
-def test_the_same_seed_flies_the_same_and_the_truth_of_a_plan_is_flown():
-    plan = plans.from_values(values(truth={"CAM": {"focal_mm": 50.2, "lever_x_m": 0.3}}))
-    one, other = (notebooks_simulated.simulate(plan, seed=4, options=Options()) for _ in range(2))
-    assert one.truth == other.truth
-    assert all(one.tables[name].equals(other.tables[name]) for name in one.tables)
-    assert one.truth["cameras"]["CAM"]["f_mm"] == 50.2
-    assert one.truth["cameras"]["CAM"]["lever_x_m"] == 0.3
-    assert "50.2" not in one.toml
 
 
 def correlated(**apriori):
@@ -226,12 +184,6 @@ def test_correlated_errors_of_a_plan_are_flown_each_with_its_time_constant():
     assert white.truth["options"]["slow_errors"] is None
 
 
-def test_what_the_simulator_does_not_have_is_named():
-    plan = plans.from_values(values(cameras={"CAM": {**CAMERA, "b1": 1e-4}}))
-    with pytest.raises(FlightError, match=r"cameras\.CAM\.b1: the simulator has no b1"):
-        notebooks_simulated.simulate(plan, seed=1, options=Options())
-
-
 def flown_again(wanted):
     """Return what the simulator flies by the plan that a design has as a plan's file."""
     plan = plans.from_values(notebooks_simulated.values(wanted))
@@ -254,18 +206,6 @@ def test_the_plan_of_a_design_has_its_exposures_and_its_points(name):
             assert (a.n, a.height_m, a.base_m) == (b.n, b.height_m, b.base_m)
             assert (a.forward_m, a.left_m) == (b.forward_m, b.left_m)
             assert (a.turn_deg - b.turn_deg) % 360.0 == pytest.approx(0.0, abs=1e-9)
-
-
-def test_the_plan_of_a_design_has_its_true_cameras():
-    wanted = PLANS["acx4"]()
-    found = flown_again(wanted)
-    for head in wanted.heads:
-        one, other = found.cameras[head], wanted.cameras[head]
-        assert one.f_mm == other.f_mm
-        assert one.boresight_deg == pytest.approx(other.boresight_deg, abs=1e-9)
-        assert one.lever_m == other.lever_m
-        angles = found.head_angles_deg[head]
-        assert angles == pytest.approx(wanted.head_angles_deg[head], abs=1e-9)
 
 
 # --- What a plan predicts, and names as weak, is what flights of it have
@@ -455,11 +395,3 @@ def test_the_plan_names_the_same_parameters_as_its_flight(weak_run):
     named = {line.split()[2] for line in done.notes if " is weak (" in line}
     assert planned <= named
     assert {"f_mm", "lever_z_m"} <= planned
-
-
-def test_the_report_has_a_note_on_weak_parameters(weak_run):
-    *_, results = weak_run
-    (finding,) = [f for f in findings(read_results(results)) if f.question == "Weak parameters"]
-    assert finding.state == "note"
-    assert "CAM lever_z_m is weak (sigma" in finding.answer
-    assert "mounting/" not in finding.answer

@@ -1,19 +1,14 @@
 """The pages are built: what is executed, the programming interface, and how it is reproduced."""
 
-import json
 import re
 import subprocess
 import tomllib
-from pathlib import Path
-from subprocess import CalledProcessError
 
 import nbformat
 import pytest
 import yaml
 
-from acx4book.chapters.from_pictures import STORED
 from acx4book.pages import build, reproducibility
-from acx4book.pages.benchmarks import sigma
 from support.helpers import ROOT
 
 # --- executed notebooks as pages of the book -------------------------------------------------
@@ -25,22 +20,6 @@ def executed(path):
     shown = v4.new_code_cell("1", outputs=[v4.new_output("execute_result", {"text/plain": "1"})])
     cells = [v4.new_markdown_cell("# Title\n\nIntroduction."), shown]
     nbformat.write(v4.new_notebook(cells=cells), path)
-
-
-def test_code_that_shows_something_is_folded(tmp_path):
-    executed(tmp_path / "a.ipynb")
-    build.fold(tmp_path / "a.ipynb", tmp_path / "b.ipynb")
-    page = nbformat.read(tmp_path / "b.ipynb", as_version=4)
-    assert page.cells[1].metadata["tags"] == ["hide-input"]
-    assert page.cells[0].source == "# Title\n\nIntroduction."
-
-
-def test_a_note_stands_under_the_introduction(tmp_path):
-    executed(tmp_path / "a.ipynb")
-    build.fold(tmp_path / "a.ipynb", tmp_path / "b.ipynb", note=build.IDEAL)
-    page = nbformat.read(tmp_path / "b.ipynb", as_version=4)
-    assert page.cells[0].source == f"# Title\n\nIntroduction.\n\n{build.IDEAL}"
-    assert len(page.cells) == 2
 
 
 def test_what_a_flight_has_nothing_of_is_left_out_with_its_heading(tmp_path):
@@ -81,39 +60,6 @@ def test_what_a_flight_has_nothing_of_is_left_out_with_its_heading(tmp_path):
     assert "figure" not in page.cells[-1].metadata.get("mystnb", {})  # a sentence has no caption
 
 
-def test_a_page_of_open_cells_shows_the_method_and_hides_what_only_the_page_needs(tmp_path):
-    v4 = nbformat.v4
-    table = {"text/html": "<table></table>", "text/markdown": "| x |\n| --- |\n| 1 |"}
-    sentence = {"text/markdown": "There is one.", "text/plain": "There is one."}
-    nothing = {"text/markdown": "", "text/plain": ""}
-
-    def shown(source, data, **metadata):
-        outputs = [v4.new_output("execute_result", data=data, execution_count=1)] if data else []
-        return v4.new_code_cell(source, outputs=outputs, metadata=metadata)
-
-    cells = [
-        v4.new_markdown_cell("# Title"),
-        shown("import x\nnotebook.begin()", None, tags=["hide-input"]),
-        shown("single.table()", table, acx4={"caption": "A table", "name": "tab-a"}),
-        shown('say("...")', sentence, tags=["hide-input"]),
-        shown('say("")', nothing, tags=["hide-input"]),
-        shown("figure(None)", None, mystnb={"figure": {"caption": "A figure."}}),
-    ]
-    nbformat.write(v4.new_notebook(cells=cells), tmp_path / "a.ipynb")
-    build.fold(tmp_path / "a.ipynb", tmp_path / "b.ipynb")
-    page = nbformat.read(tmp_path / "b.ipynb", as_version=4)
-    _, imports, computed, said, silent, undrawn = page.cells
-    assert imports.metadata.tags == ["hide-input"]
-    assert "tags" not in computed.metadata
-    assert computed.outputs[0].data == {
-        "text/markdown": "```{table} A table\n:name: tab-a\n\n| x |\n| --- |\n| 1 |\n```"
-    }
-    assert said.metadata.tags == ["remove-input"]
-    assert silent.metadata.tags == ["remove-cell"]
-    assert silent.outputs == []
-    assert undrawn.metadata.tags == ["remove-cell"]
-
-
 # --- the pages of the programming interface: every room has one, cellars have none -----------
 
 
@@ -130,11 +76,6 @@ def test_every_room_has_a_page_in_the_book():
     ]
     folders = [*HOUSES, *(f"{r.parent.name}/{r.name}" for r in rooms)]
     assert sorted(listed) == sorted([*folders, *FILES])
-
-
-def test_a_room_of_one_file_shows_its_members(written):
-    page = written("acx4files.conventions")
-    assert page == "# conventions\n\n```{eval-rst}\n.. automodule:: acx4files.conventions\n```\n"
 
 
 @pytest.fixture
@@ -165,39 +106,7 @@ def test_a_page_has_the_docstring_a_table_and_a_section_for_every_module(written
     assert "compiled" not in page
 
 
-def test_a_house_refers_to_its_rooms_and_shows_its_own_modules(written):
-    house = written("acx4sim", "acx4sim.scenery")
-    assert "\n   scenery\n" in house
-    assert "\n## scenery\n" not in house
-    assert "\n## designs\n" in house
-
-
-def test_modules_for_users_show_their_functions_and_others_what_they_are_for(written):
-    exchange = written("acx4files.exchange")
-    assert ".. automodule:: acx4files.exchange.opencv\n```" in exchange
-    assert ".. automodule:: acx4files.exchange.safe\n   :no-members:\n" in exchange
-
-
 # --- what a book names as its sources --------------------------------------------------------
-
-
-def test_only_files_of_the_clone_count_as_changes(tmp_path, monkeypatch):
-    def git(*arguments):
-        who = ("-c", "user.name=A", "-c", "user.email=a@b.c")
-        subprocess.run(["git", *who, *arguments], cwd=tmp_path, check=True, capture_output=True)
-
-    git("init")
-    (tmp_path / "a.py").write_text("one\n")
-    git("add", "a.py")
-    git("commit", "-m", "one")
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "my_flight").mkdir()
-    (tmp_path / "my_flight" / "flight.toml").write_text("")
-    assert "with changes" not in reproducibility.short(reproducibility.commit())
-    assert "differ" not in reproducibility.commit()
-    (tmp_path / "a.py").write_text("two\n")
-    assert reproducibility.commit().endswith(", 1 files differ")
-    assert reproducibility.short(reproducibility.commit()).endswith(" with changes")
 
 
 def test_stored_numbers_name_their_commit_and_what_changed_since(tmp_path, monkeypatch):
@@ -228,35 +137,7 @@ def test_stored_numbers_name_their_commit_and_what_changed_since(tmp_path, monke
     assert said("0" * 40) == "stored numbers of commit 0000000000; not in this history"
 
 
-def test_every_table_of_the_pages_on_long_runs_names_its_stored_numbers():
-    texts = build._texts_of_benchmarks(sigma.read(STORED))
-    labels = re.findall(r":name: (\S+)", "".join(text for _, text in texts))
-    assert len(labels) == 9
-    assert all(any(label.startswith(begin) for begin in build.STORED) for label in labels)
-    commit = json.loads((STORED / "verdicts.json").read_text())["commit"][:10]
-    assert build._made_from(Path("x"), ideal=False)["stored"]["tab-verdicts-"].count(commit) == 1
-
-
 # --- What others made of the built book
-
-
-@pytest.mark.parametrize(
-    ("file", "brought_by"),
-    [
-        ("_static/mathjax/output/chtml/fonts/woff-v2/MathJax_Zero.woff", "sphinx-mathjax-offline"),
-        ("_static/scripts/bootstrap.js", "pydata-sphinx-theme"),
-        ("_static/searchtools.js", "Sphinx"),
-    ],
-)
-def test_a_file_belongs_to_who_brings_it(file, brought_by):
-    assert reproducibility.of(file).brought_by == brought_by
-
-
-@pytest.mark.parametrize(
-    "file", ["_static/moving/block.js", "_static/acx4.css", "_static/logo.svg", "intro.html"]
-)
-def test_our_own_belong_to_nobody_else(file):
-    assert reproducibility.of(file) is None
 
 
 def test_the_page_names_licences_and_repositories():
@@ -266,31 +147,6 @@ def test_the_page_names_licences_and_repositories():
 
 
 # --- What pages say of who made them
-
-
-def test_people_and_groups_have_names_and_addresses_stand_where_they_are_given(tmp_path):
-    file = tmp_path / "CITATION.cff"
-    file.write_text(
-        "title: 'a: b'\nversion: 1.0\nlicense: MIT\ndoi: 10.1/x\nrepository-code: https://h.org/x\n"
-        "authors:\n - {given-names: Ada, family-names: Lovelace}\n - {name: Others}\n"
-    )
-    assert reproducibility.footer(file) == {
-        "name": "a",
-        "version": "1.0",
-        "authors": "Ada Lovelace, Others",
-        "licence": "MIT",
-        "doi": "10.1/x",
-        "repository": "https://h.org/x",
-    }
-
-
-def test_two_licences_are_those_of_code_and_text_and_the_sentence_has_title_and_version(tmp_path):
-    file = tmp_path / "CITATION.cff"
-    file.write_text(
-        "title: 'a: b'\nversion: 1.0\nlicense: [MIT, CC-BY-4.0]\nauthors: [{name: Others}]\n"
-    )
-    assert reproducibility.footer(file)["licence"] == "code MIT, text CC BY 4.0"
-    assert reproducibility.sentence(file) == "Others, *a: b*, version 1.0.\n"
 
 
 def test_the_version_and_the_authors_are_those_of_the_package_and_of_the_book():
@@ -359,18 +215,6 @@ def test_the_planted_sign_is_named(flown):
     assert "with pitch of opposite sign" in flown[5].split("notes")[1]
 
 
-def test_a_command_that_fails_stops_the_page():
-    with pytest.raises(CalledProcessError, match="nowhere"):
-        list(build.outputs("```shell\nacx4 check nowhere\n```\n"))
-
-
-def test_the_page_has_no_code_that_is_not_run():
-    begun = re.findall(r"^```(?:python|\{literalinclude\})", PAGE, re.MULTILINE)
-    needs_data = PAGE.count("```{code-block} python")  # run by tests/book/reference/dbat
-    assert needs_data == 1
-    assert PAGE.count("```") == 2 * (len(begun) + needs_data)
-
-
 def test_the_estimate_from_tables_is_that_from_the_folder(printed):
     f = re.search(r"^f\s+mm\s+(\S+)", printed[2], re.MULTILINE)[1]
     assert printed[8] == f"f = {float(f):.4f} mm, as from the folder: True\n"
@@ -405,9 +249,3 @@ def test_pixels_have_sigma_near_what_the_height_alone_gives(printed):
     sigma = [float(n) for n in lines[1].split()[4:]]
     assert sigma[2] == pytest.approx(0.5, abs=1e-3)
     assert all(0.01 < s < 1.0 for s in sigma[:2])
-
-
-def test_code_runs_in_the_order_of_the_page_in_a_folder_of_its_own():
-    first = "```python\nopen('a', 'w').close()\nn = 1\n```\n"
-    page = f"text\n{first}\n```python\nimport os\nprint(n, os.listdir())\n```\n"
-    assert list(build.outputs(page)) == ["", "1 ['a']\n"]

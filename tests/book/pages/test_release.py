@@ -41,12 +41,6 @@ def test_a_release_is_a_wheel_and_the_book(clone):
         assert {"a/x.html", "index.html"} <= {*held.namelist()}
 
 
-def test_changed_files_are_not_released(clone):
-    (clone / "one.py").write_text("changed = True")
-    with pytest.raises(release.ReleaseError, match="1 files differ from the last commit"):
-        release.make(clone / "html", clone / "build")
-
-
 def test_readers_get_the_last_commit_or_are_told_why_not(clone, tmp_path, monkeypatch):
     link = release.program(clone / "build.zip")
     assert link.startswith("{download}`acx4lib.zip </_generated/build.zip>`")

@@ -3,21 +3,17 @@
 import html
 import json
 import re
-import shutil
 
 import nbformat
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 
 from acx4book.chapters import synthetic_cost
-from acx4book.pages import build, study
+from acx4book.pages import study
 from acx4book.paper import printed
 from acx4book.typesetting.myst import LABELS
 from acx4files.results import folder
-from acx4lib.calibration import estimates
-from acx4lib.calibration.estimates import needed
 from acx4lib.geometry.parameters import REPORTED
 from support import run_results
 from support.flights.simulated import fly
@@ -28,32 +24,6 @@ from support.helpers import ROOT, write_notebook
 def acx4():
     flown = fly("acx4-ideal", seed=1)
     return study.simulation_page(flown.flight, flown.truth)
-
-
-@pytest.mark.parametrize(
-    "row",
-    [
-        "chosen | tie points of the calibration block | 700 |",
-        "chosen | noise of GNSS positions, plan and height | 2 and 1.5 cm |",
-        "chosen | places of the natural targets | 36 over",
-        "chosen | focal length of the first head | 74.",
-        "a guess | noise of image points | 0.5 px |",
-        "a guess | noise of natural targets | 1 to 2 px |",
-        "a guess | tie points of every head | 500 |",
-        "ground that has tie points, heads and calibration | 5.2 × 3.8 and 4.2 × 2.5 km |",
-        "a guess | control field | 56 over",
-        "a guess | side overlap of the validation block | 30 % |",
-        "a guess | places of the heads | a square of 0.16 m |",
-        "a guess | axes of the lever arm | forward, left, up |",
-        "a guess | site, relief, refraction, seed |",
-    ],
-)
-def test_the_list_has_it(acx4, row):
-    assert row in html.unescape(acx4)
-
-
-def test_what_the_paper_says_of_gnss_stands_beside_it(acx4):
-    assert f"{printed.statement('gnss_best_m'):.2f} to" in acx4
 
 
 # --- The accuracy that the front page tells is that of all stored flights
@@ -78,21 +48,6 @@ def test_class_a_is_reached_in_part_of_the_flights(ideal):
     assert study.of_ideal(STORED, "two_step")["height_5000"].mean() == pytest.approx(0.48, abs=0.01)
 
 
-def test_flights_of_four_heads_stand_first():
-    said = study.page(STORED)
-    assert said.index("four heads, single-step") < said.index("ideal camera")
-    assert f"| {synthetic_cost.read().n_flights} |" in said
-
-
-def test_medians_and_ranges_stand_before_one_flight(ideal):
-    low, middle, high = np.quantile(ideal["height"], [0.05, 0.5, 0.95])
-    many, spread = study.many(STORED), study.spread(STORED)
-    assert f"{middle:.2f} m in height with one ideal camera" in many
-    assert f"{low:.2f} to {high:.2f} m)" in many
-    assert many.endswith("one draw of these.")
-    assert f"{middle:.2f} m in height ({low:.2f}–{high:.2f}" in spread
-
-
 # --- One verdict on the two methods, from a run and from stored flights
 
 
@@ -115,12 +70,6 @@ def test_the_verdict_has_the_ratios_of_sigma_and_slow_errors_of_all_stored_fligh
     assert "2.3 to 4.9 times its standard deviation" in said
 
 
-def test_without_a_two_step_method_there_is_no_verdict(tmp_path):
-    found = folder.read(run_results.leave_results(tmp_path)[1])
-    del found.summary["mounting/two_step"]
-    assert study.methods_page(found, "CAM", synthetic_cost.STORED) == ""
-
-
 # --- What a simulated flight was given is said from its truth, and from nothing else
 
 
@@ -129,17 +78,6 @@ def test_the_true_values_are_those_of_the_truth(acx4):
     assert f"| {f:.4f} |" in acx4
     f = fly("acx4-ideal", seed=1).truth["cameras"]["CAM1"]["f_mm"]
     assert f"{f:.4f} mm, follows from the paper's Table 3" in acx4
-
-
-def test_all_of_table_3_was_given_to_the_ideal_camera(acx4):
-    assert "The synthetic camera's 14 values are those" in acx4
-
-
-def test_another_flight_is_not_said_to_be_the_papers():
-    flown = fly("single-head", seed=1)
-    page = study.simulation_page(flown.flight, flown.truth)
-    assert "Table 1" not in page
-    assert "tab-noise" in page
 
 
 def test_a_flight_without_truth_is_not_said_to_be_simulated():
@@ -164,13 +102,6 @@ def geometry():
 def test_every_parameter_stands_once_among_those_that_need_a_geometry(geometry):
     listed = ", ".join(geometry).split(", ")
     assert sorted(listed) == sorted(LABELS[name] for name, _ in REPORTED.values())
-
-
-def test_limits_and_geometries_are_those_of_the_messages(geometry):
-    assert geometry["lever arm $z$"] == [f"{estimates.LIMIT_LEVER_M:g} m", needed("lever_z")]
-    assert geometry["$x_p$, $y_p$"][0] == "0.2 % of $f$"
-    assert geometry["boresight $\\kappa$"][0] == "0.1°"
-    assert geometry["$k_1$"][0] == "any"
 
 
 # --- Chapters that depend on no flight, with two small ones in the place of the book's
@@ -210,36 +141,9 @@ def test_they_run_once_until_what_they_depend_on_changes(copy):
     assert page.cells[0].metadata.tags == ["parameters"]
 
 
-def test_for_another_flight_they_never_run_and_only_those_that_hold_are_there(copy):
-    study.bring(copy / "executed", copy / "ideal")
-    (copy / "data.csv").write_text("2\n")
-    (copy / "executed" / "01-one.ipynb").unlink()
-    assert study.bring(copy / "executed", None) == ["01-one"]
-    assert runs(copy) == [1, 1]
-    assert [path.name for path in (copy / "executed").iterdir()] == ["02-two.ipynb"]
-
-
 def contents(folder):
     """Return the pages that a table of contents lists, in its order."""
     return re.findall(r"(?m)^\W*file: (\S+)$", (folder / "_toc.yml").read_text("utf-8"))
-
-
-def test_what_is_left_out_is_in_no_contents_and_has_its_title_for_links(tmp_path):
-    generated = tmp_path / "_generated"
-    generated.mkdir()
-    shutil.copy(ROOT / "book" / "_toc.yml", tmp_path)
-    study.leave_out(tmp_path, ["_executed/14-failure-clinic", build.API])
-    left = [page for page in contents(ROOT / "book") if not page.startswith(build.API)]
-    left.remove("_executed/14-failure-clinic")
-    assert contents(generated) == left
-    assert json.loads((generated / "left_out.json").read_text("utf-8")) == {
-        "_executed/14-failure-clinic": "Failure clinic: mistakes in the residuals",
-        build.API: "",
-    }
-    study.leave_out(tmp_path, [])
-    assert yaml.safe_load((generated / "_toc.yml").read_text("utf-8")) == yaml.safe_load(
-        (tmp_path / "_toc.yml").read_text("utf-8")
-    )
 
 
 def test_every_chapter_is_in_the_contents_and_reads_files_that_are_there(monkeypatch):
@@ -249,14 +153,3 @@ def test_every_chapter_is_in_the_contents_and_reads_files_that_are_there(monkeyp
         assert f"_executed/{name}\n" in contents
         for pattern in patterns:
             assert pattern == "measured" or list(ROOT.glob(pattern))
-
-
-def test_a_part_of_which_no_page_is_left_is_not_there(tmp_path):
-    (tmp_path / "_generated").mkdir()
-    (tmp_path / "_toc.yml").write_text((ROOT / "book" / "_toc.yml").read_text("utf-8"))
-    study.leave_out(tmp_path, [f"_executed/{name}" for name in study.CHAPTERS])
-    left = yaml.safe_load((tmp_path / "_generated" / "_toc.yml").read_text("utf-8"))
-    assert all(part["chapters"] for part in left["parts"])
-    captions = [part["caption"] for part in left["parts"]]
-    assert "Foundations" not in captions
-    assert "The paper" in captions

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,7 +13,6 @@ from numpy.testing import assert_allclose
 from acx4book.paper import errata, printed
 from acx4files.stages import mounting
 from acx4lib.calibration.determination import absorption
-from acx4lib.errors import FlightError
 from support.flights.simulated import fly
 
 
@@ -28,23 +26,6 @@ def test_there_are_22_findings_and_none_is_empty(findings):
     for finding in findings.values():
         assert all([finding.place, finding.printed, finding.computed, finding.verdict])
         assert "nan" not in finding.computed
-
-
-def test_the_answer_counts_every_finding_once(findings):
-    said = errata.answer([*findings.values()])
-    counted = [int(n) for n in re.findall(r"\b(\d+) (?:are contr|quest|findings are|that)", said)]
-    assert len(counted) == 4
-    assert sum(counted) == 22
-    assert said.count("Table 4") == 2
-
-
-def test_what_is_consistent_stands_apart_from_what_is_wrong(findings):
-    wrong, agree = errata.errata([*findings.values()]), errata.consistent([*findings.values()])
-    assert [*wrong.columns] == ["number", "kind", "place", "paper", "computed", "verdict"]
-    assert [*agree["number"]] == ["10", "14", "17"] or [*agree["number"]] == [10, 14, 17]
-    assert sorted(map(int, [*wrong["number"], *agree["number"]])) == [*range(1, 23)]
-    kinds = [*dict.fromkeys(map(str, wrong["kind"]))]
-    assert kinds == [errata.CONTRADICTION, errata.OPEN, errata.MISPRINT]
 
 
 @pytest.mark.parametrize(
@@ -205,31 +186,6 @@ def test_correlations_are_judged_by_the_largest():
     assert finding.verdict.startswith("Cannot")
 
 
-def test_correlations_are_read_from_a_run(tmp_path):
-    summary = {
-        "heads/bundle/CAM1": {"largest_correlations": {"xp_mm/omega_deg": 0.85}},
-        "heads/bundle/CAM2": {"redundancy": 5},
-        "mounting/single_step": {"largest_correlations": {"f_mm/height_m": 0.9}},
-    }
-    (tmp_path / "summary.json").write_text(json.dumps(summary))
-    found = errata.read_run(tmp_path)
-    assert found.correlations == {"CAM1 xp_mm/omega_deg": 0.85}
-    assert found.absorbed is None
-    assert "0.85 (CAM1 x_p/ω)" in errata.audit(found)[10].computed
-
-
-def test_without_a_run_the_correlations_stay_open():
-    assert errata.read_run("").correlations == {}
-    finding = errata.audit(errata.read_run(""))[10]
-    assert finding.printed.endswith("below 10 %")
-    assert finding.verdict.startswith("Open")
-
-
-def test_a_run_that_is_not_there_is_named():
-    with pytest.raises(FlightError, match=r"no/such/folder: no such folder; expected the results"):
-        errata.read_run("no/such/folder")
-
-
 # --- mounting ------------------------------------------------------------------------------
 
 
@@ -261,13 +217,6 @@ def test_item_14_says_more_with_a_run(absorbed_by_the_study):
     finding = errata.audit(errata.Run(absorbed=absorbed_by_the_study))[13]
     assert "with the heights that least squares gives" in finding.computed
     assert "more than the rounding of the print, 0.04 µm" in finding.verdict
-
-
-def test_item_21_sets_the_runs_prediction_beside_attitude_alone():
-    finding = errata.audit(errata.Run(predicted_m=np.array([0.2, 0.24, 0.55])))[20]
-    assert "height: 0.20, 0.24, 0.55 m" in finding.computed
-    assert "4 times what roll and pitch alone do to one ray" in finding.verdict
-    assert "2.0 times what a run predicts over its pairs" in finding.verdict
 
 
 def test_distortion_left_in_the_synthetic_image():
@@ -345,17 +294,3 @@ def test_every_decimal_of_the_errata_is_computed():
     plain = [re.sub(r"\{+[^}]*\}+", "", piece) for piece in typed]
     sections = {"2.1", "2.2", "3.1", "3.2", "4.1", "4.3"}
     assert {n for piece in plain for n in re.findall(r"\d+\.\d+", piece)} <= sections
-
-
-def test_figures_show_the_papers_numbers():
-    axes = errata.sample_sizes().axes[0]
-    assert axes.get_xlabel() == "number of errors n"
-    assert len(axes.lines) == 3
-    bars = errata.lever_arm().axes[0].patches
-    assert_allclose([bar.get_width() for bar in bars[3:]], (0.201, -0.223, 0.399))
-
-
-def test_the_figure_has_the_effective_heights_of_a_run(absorbed_by_the_study):
-    bars = errata.lever_arm(absorbed_by_the_study).axes[0].patches
-    widths = np.array([bar.get_width() for bar in bars]).reshape(3, 3)
-    assert_allclose(widths[1], widths[2], atol=0.008)

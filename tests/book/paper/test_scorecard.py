@@ -7,7 +7,6 @@ import pytest
 
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.paper import printed, questions, scorecard
-from acx4book.paper.printed import ROLES
 from acx4book.paper.scorecard import Ours
 
 
@@ -69,22 +68,6 @@ def test_a_printed_mean_is_less_sure_where_points_share_errors():
     assert row["verdict"] == "near"
 
 
-def test_counts_are_those_of_the_card():
-    card = pd.DataFrame(
-        {
-            "table": [1, 1, 1, 3],
-            "role": ["given", "given", "independent", "independent"],
-            "verdict": ["agrees", "differs", "near", "agrees"],
-        }
-    )
-    table = scorecard.counts(card).set_index("role")
-    assert [*table.index] == [*ROLES]
-    given = table.loc["given"]
-    assert (given["paper's Table 1"], given["paper's Table 3"], given["numbers"]) == (2, 0, 2)
-    assert (given["agrees"], given["near"], given["differs"]) == (1, 0, 1)
-    assert table["numbers"].sum() == 4
-
-
 # --- The scorecard of an ideal camera, with the closed chain beside
 
 
@@ -107,17 +90,6 @@ def test_the_ideal_camera_is_judged_and_the_chain_stands_beside_it():
     assert both["verdict"].tolist() == ["agrees", "near", "agrees"]
 
 
-def test_tables_of_the_heads_have_no_chain_beside_them():
-    both = scorecard.beside_chain(CHAIN, IDEAL)
-    assert both.loc[both["table"] == 1, "chain"].isna().all()
-
-
-def test_a_number_that_the_chain_does_not_have_is_missing_and_not_lost():
-    both = scorecard.beside_chain(CHAIN.iloc[:2], IDEAL)
-    assert len(both) == 3
-    assert both.set_index("quantity").loc["k1", "chain"].isna().all()
-
-
 # --- The paper's four questions: the paper's numbers, and the answers of chapters ------------
 
 
@@ -137,42 +109,9 @@ def test_the_papers_answers_have_its_numbers(number, said):
     assert said in questions.QUESTIONS[number].answered()
 
 
-def test_the_front_page_has_the_largest_true_error():
-    rows = pd.DataFrame(
-        {
-            "camera": ["A", "A", "B"],
-            "parameter": ["xp_mm", "yp_mm", "k1"],
-            "value": [0.053, -0.02, 1.0],
-            "sigma": [0.0077, 0.0071, 9.0],
-        }
-    )
-    truth = {"A": {"xp_mm": -0.081, "yp_mm": -0.021}, "B": {"k1": 0.0}}
-    sigma = "σ of principal points 7.1–7.7 µm"
-    assert questions.principal_points(rows, truth) == f"{sigma}, true error up to 134 µm"
-    assert questions.principal_points(rows, {}) == sigma
-
-
-def test_an_answer_is_what_the_tagged_cell_of_a_notebook_shows(tmp_path):
-    v4 = nbformat.v4
-    shown = v4.new_output("execute_result", {"text/markdown": "One.\n\nTwo."})
-    cells = [
-        v4.new_code_cell("0", outputs=[v4.new_output("execute_result", {"text/markdown": "No."})]),
-        v4.new_code_cell("1", outputs=[shown], metadata={"tags": [questions.TAG]}),
-    ]
-    chapter = questions.QUESTIONS[0].chapter
-    nbformat.write(v4.new_notebook(cells=cells), tmp_path / f"{chapter}.ipynb")
-    answers = questions.answers(tmp_path)
-    assert answers.pop(chapter) == ["One.", "Two."]
-    assert all(answer == [questions.UNANSWERED] for answer in answers.values())
-
-
 def test_the_chapters_of_the_questions_end_with_an_answer():
     for one in questions.QUESTIONS:
         notebook = nbformat.read(NOTEBOOKS_PATH / f"{one.chapter}.ipynb", as_version=4)
         tagged = [questions.TAG in cell.metadata.get("tags", []) for cell in notebook.cells]
         assert sum(tagged) == 1
         assert any(tagged[-3:])  # below it, results are written
-
-
-def test_every_row_of_the_small_table_is_printed():
-    assert set(questions.TABLE_3) <= set(printed.table(3)["parameter"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import re
-import shutil
 import threading
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -78,33 +77,12 @@ def test_without_the_measurements_the_date_is_said(name, nowhere):
     assert len(stored(name)) > 0
 
 
-def test_summary_counts_every_value_once(nowhere):
-    table = stored("camcal")
-    summary = dbat_files.summary(table).set_index("kind")
-    assert summary.loc["all", "values"] == len(table)
-    assert summary["values"].sum() == 2 * len(table)
-    assert summary.loc["all", "agree"] == len(table)
-
-
-def test_figures_have_a_dot_for_every_number(nowhere):
-    table = stored("camcal")
-    fig = comparisons.last_digits({"camcal": table})
-    dots = sum(len(line.get_xdata()) for line in fig.axes[0].lines)
-    assert dots == (table["kind"] != "statement").sum()
-
-
 def test_angles_agree_after_full_turns():
     printed = {("Kappa",): dbat_files.Line(path=("Kappa",), statement="{} deg", numbers=("182.6",))}
     ours = {("Kappa",): dbat_files.say("{} deg", dbat_files.Angle(-177.4))}
     assert dbat_files.compare(printed, ours)["agrees"].all()
     ours = {("Kappa",): dbat_files.say("{} deg", -177.4)}
     assert not dbat_files.compare(printed, ours)["agrees"].any()
-
-
-def test_counts_and_names_agree_exactly():
-    printed = {("a",): dbat_files.Line(path=("a",), statement="OP {}", numbers=("65",))}
-    assert dbat_files.compare(printed, {("a",): dbat_files.say("OP {}", 65)})["agrees"].all()
-    assert not dbat_files.compare(printed, {("a",): dbat_files.say("OP {}", 66)})["agrees"].any()
 
 
 @pytest.mark.slow
@@ -114,22 +92,8 @@ def test_notebook_runs_without_the_measurements(nowhere):
     assert "these are the results computed on" in executed.read_text()
 
 
-def test_the_answer_counts_what_is_stored(nowhere):
-    names = ("camcal", "sxb", "nist", "noaa", "ign")
-    found = {name: comparisons.computed_or_stored(name) for name in names}
-    said = comparisons.answer(**found)
-    values = sum(len(found[name].table) for name in ("camcal", "sxb"))
-    assert re.findall(r"(\d+) of (\d+)", said) == [
-        (f"{values}", f"{values}"),
-        ("39", "40"),  # BoxBOD does not converge from its far start
-    ]
-    assert "680 tie points" in said
-
-
 # --- Where other people's files are found, and how they are fetched --------------------------
 
-
-"""The flight's own files have other images, points seen once, and blanks at the ends of lines."""
 
 SETS = (
     *(
@@ -144,10 +108,6 @@ SETS = (
     ),
     *("rededge-dual", "rededge3-flight", "sequoia-flight", "sxb-photos"),
 )
-
-
-REAL = str(data.folder())
-"""Before any test names another."""
 
 
 class Quiet(SimpleHTTPRequestHandler):
@@ -215,22 +175,6 @@ def test_another_file_of_the_same_name_is_refused(empty):
         data.path("nist-strd/BoxBOD.dat")
 
 
-def test_an_unknown_name_is_the_programmers_mistake():
-    with pytest.raises(ValueError, match=r"no file 'nist-strd/BoxBox\.dat'"):
-        data.path("nist-strd/BoxBox.dat")
-
-
-def test_nothing_is_lost_where_the_server_has_nothing(empty, server):
-    url, _ = server
-    outcomes = list(data.fetch(base=url))
-    assert len(outcomes) == len(data.index())
-    for outcome in outcomes:
-        assert not outcome.is_here
-        assert "cannot be fetched" in outcome.text
-        assert "\n" not in outcome.text
-    assert not [file for file in empty.rglob("*") if file.is_file()]
-
-
 @needs("ign-uce-m3")
 @needs("nist-strd")
 def test_files_are_fetched_selected_and_verified(server, tmp_path, monkeypatch):
@@ -260,16 +204,3 @@ def test_files_are_fetched_selected_and_verified(server, tmp_path, monkeypatch):
     for file in set(entries) - expected:
         found = hashlib.sha256(data.path(file).read_bytes()).hexdigest()
         assert found == entries[file].sha256
-
-
-@needs("noaa-dss-dg")
-def test_what_is_there_is_not_fetched_again(empty):
-    file = "noaa-dss-dg/C19748959.geom"
-    with data.at(REAL):
-        original = data.path(file)
-    with data.at(""):  # an empty name changes nothing
-        assert data.folder() == empty
-    (empty / file).parent.mkdir()
-    shutil.copy(original, empty / file)
-    outcomes = data.fetch(base="http://127.0.0.1:9")
-    assert next(o.text for o in outcomes if o.text.startswith(file)) == f"{file} is here"

@@ -1,7 +1,5 @@
 """The stored flight of four real heads: what is in it, and what it says beside everything."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,7 +7,6 @@ import pytest
 from acx4book.reference import four_heads
 from acx4files.flight import reader
 from acx4lib.block import select_images
-from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.estimates import not_determined
 from acx4lib.calibration.mounting import single_step
 from acx4lib.calibration.rig import relative_orientation
@@ -39,27 +36,6 @@ def test_it_is_small_and_of_all_heads_of_all_exposures(block):
     assert size < 600_000
     assert len(block.images) == len(block.cameras) * len(block.trajectory)
     assert np.bincount(block.image_points.image_idx).min() > 30
-
-
-def test_every_stored_point_ties_exposures_and_was_indexed_as_free(block):
-    points = block.image_points
-    at = pd.Series(block.images.exposure_idx[points.image_idx]).groupby(points.point_idx).nunique()
-    assert at.min() > 1
-    licences = {e.licence for e in four_heads.data.index() if e.file.startswith(four_heads.FILES)}
-    assert licences == {"CC0"}
-
-
-def test_a_point_is_kept_with_all_its_rays_or_not_at_all(block):
-    keep, point = four_heads.thinned(block), block.image_points.point_idx
-    by_point = pd.Series(keep).groupby(point)
-    assert (by_point.min() == by_point.max()).all()
-
-
-def test_points_of_many_rays_come_first(block, monkeypatch):
-    monkeypatch.setattr(four_heads, "MOST", 1)
-    keep, rays = four_heads.thinned(block), block.rays[block.image_points.point_idx]
-    assert keep.mean() < 0.5
-    assert rays[keep].mean() > rays.mean()
 
 
 def test_strips_are_cut_where_the_camera_paused():
@@ -100,16 +76,6 @@ def test_self_calibrated_heads_predict_pictures_that_the_factorys_do_not(flight,
     assert own.rays_rms_px < 0.9 * factory.rays_rms_px
 
 
-def test_headings_are_what_the_test_by_course_compares(rig):
-    course, off = trajectory_errors.headings(rig.bundle)
-    test = trajectory_errors.by_course(rig.bundle)
-    assert test is not None
-    assert np.isnan(off).sum() == 1  # an attitude that was rejected
-    for one in test.courses:
-        near = np.cos(course - np.radians(one.course_deg)) > 0.9
-        assert np.degrees(np.nanmean(off[near])) == pytest.approx(one.off_deg)
-
-
 def test_what_the_heads_have_in_common_may_be_open_if_their_differences_are_not(flight, block):
     free = ("f", *flight.estimate_heads)
     levers = single_step(block, free=free, gnss=("deviation",))
@@ -122,23 +88,6 @@ def test_what_the_heads_have_in_common_may_be_open_if_their_differences_are_not(
 # --- Figures
 
 
-def test_every_attitude_is_a_dot_of_the_compass(rig):
-    (ax,) = four_heads.compass(rig.bundle).axes
-    dots = ax.lines[-1].get_ydata()
-    assert np.isfinite(dots).sum() == 18
-    assert (np.abs(dots[np.isfinite(dots)] - four_heads.ZERO) < four_heads.ZERO).all()
-
-
-def test_points_lie_on_the_photographs_and_bands_have_three_registers(block):
-    for ax in four_heads.photographs(block).axes:
-        rows, cols = ax.images[0].get_array().shape
-        points = np.hstack([line.get_data() for line in ax.lines])
-        assert (points > -0.5).all()
-        assert ([cols, rows] > points.T).all()
-    shapes = {ax.images[0].get_array().shape for ax in four_heads.registers().axes}
-    assert len(shapes) == 1
-
-
 def test_the_bands_fit_once_the_heads_are_turned():
     """Red and green of a car park have the same edges."""
     apart = []
@@ -147,16 +96,3 @@ def test_the_bands_fit_once_the_heads_are_turned():
         apart.append(np.corrcoef(red.ravel(), green.ravel())[0, 1])
     assert apart[0] < 0.7
     assert apart[0] + 0.1 < apart[1] < apart[2]
-
-
-def test_a_missing_picture_is_named(monkeypatch):
-    monkeypatch.setattr(four_heads, "BANDS", Path("nowhere.webp"))
-    with pytest.raises(four_heads.data.ReferenceDataError, match="make reference-results"):
-        four_heads.registers()
-
-
-def test_the_map_has_a_line_for_every_strip_and_residuals_a_panel_for_each_adjustment(rig):
-    (ax,) = four_heads.strips(rig.bundle).axes
-    assert [line.get_label() for line in ax.lines].count("strips, adjusted") == 7
-    fig = four_heads.residuals({"once": rig.bundle, "twice": rig.bundle}, "4 NIR")
-    assert len(fig.axes) == 2

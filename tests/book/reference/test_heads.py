@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from acx4book.reference import comparisons, heads
-from acx4book.reference.heads import FIVE, GREEN, here, predicted_px, solved, turned_deg
+from acx4book.reference.heads import FIVE, predicted_px, solved
 from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.ties import overlaps
 from support.helpers import needs
@@ -55,23 +55,6 @@ def test_alternating_blocks_of_a_single_picture_agree_within_sigma_that_count_wh
     assert fit.halves_p > 0.01
     assert max(fit.by_exposure) > 1e-5  # rad: ties alone say less than a microradian
     assert "scatter between exposures is not seen" in fit.sentence
-
-
-@needs(FIVE)
-def test_the_reference_is_not_turned_and_others_are_turned_back(five):
-    green = five.place(GREEN)
-    assert turned_deg(five.factory, green, green) == pytest.approx([0, 0, 0])
-    fit = five.fits["rotations"].orientation
-    there, back = turned_deg(fit, 0, green), turned_deg(fit, green, 0)
-    assert there == pytest.approx(-back)
-    assert {five.reference(k) for k in range(5)} == {green}
-
-
-@needs(FIVE)
-def test_heads_without_angles_have_one_reading(five):
-    order, transposed = heads.READINGS["Rx(a) Ry(b) Rz(c), reference to head"]
-    read = heads.read_as(five, order, transposed=transposed)
-    assert np.abs(read.opk).max() < 1e-12
 
 
 # --- What RigRelatives mean
@@ -154,42 +137,3 @@ def test_the_response_finds_the_falloff_that_the_factory_states(stored):
     assert np.sqrt(np.mean((table["library"] - table["factory"]) ** 2)) < 1.2  # per cent
     infrared = table[table["head"] == "4 NIR"].iloc[-1]
     assert infrared[["seen", "factory", "library"]].between(-8, -4).all()
-
-
-# --- Tables and figures of the chapter from stored numbers, without any picture
-
-
-def test_rotations_less_others_have_columns_for_those_that_there_are(stored):
-    ten, five = heads.beside(stored("ten_rotations")), heads.beside(stored("five_rotations"))
-    assert ten.columns[2:].tolist() == [
-        f"{whose} {axis} (°)" for whose in ("factory", "trial") for axis in "xyz"
-    ]
-    assert five.columns[2:].tolist() == [f"trial {axis} (°)" for axis in "xyz"]
-
-
-def test_tables_have_the_stored_numbers(stored):
-    rotations, parallax = stored("ten_rotations"), stored("ten_parallax")
-    assert np.array_equal(heads.rotation_table(rotations)["x (°)"], rotations["x_deg"])
-    assert np.array_equal(heads.places(parallax)["rows (px)"], parallax["y_px"])
-    median = heads.readings(stored("ten_readings"))["median (px)"]
-    assert median[:2].max() < median[2:].min() / 10  # head to reference, and back
-
-
-def test_what_is_left_is_weighted_with_the_number_of_ties(stored):
-    pairs = stored("ten_pairs")
-    left = heads.left_px(pairs)
-    assert pairs["rms_px"].min() < left < pairs["rms_px"].max()
-    total = (pairs["rms_px"] ** 2 * pairs["ties"]).sum() / pairs["ties"].sum()
-    assert left == pytest.approx(np.sqrt(total))
-
-
-def test_nothing_is_solved_without_pictures(tmp_path):
-    assert here(FIVE, folder=str(tmp_path)) is None
-
-
-def test_figures_need_no_picture(stored, tmp_path):
-    matrix = heads.shares(stored("ten_pairs")).axes[0]
-    assert len(matrix.texts) == 45
-    assert len(heads.shifts(stored("ten_parallax")).axes[0].patches) == 2
-    assert len(heads.falloffs(stored("ten_vignetting")).axes) == 4
-    assert heads.stack(folder=str(tmp_path)) is None

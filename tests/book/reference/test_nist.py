@@ -66,8 +66,3 @@ def test_sigma_by_qr_keeps_the_digits_that_the_normal_matrix_loses(table):
     normal = sigma[sigma.index.str.endswith(nist.BY_NORMALS)]
     assert normal.min() < 9.5
     assert sigma.drop(normal.index).min() > 10.5
-
-
-def test_the_summary_shows_both_ways_to_sigma(table):
-    row = nist.summary(table).set_index("data set").loc["Lanczos3"]
-    assert float(row["digits 2"]) > float(row["σ by normal matrix"]) + 1

@@ -91,10 +91,6 @@ def test_without_a_script_it_shows_the_start(explorer):
     assert page.select_one("svg")["aria-label"] == "seen"
 
 
-def test_zero_has_no_sign(explorer):
-    assert explorer.readings([-0.0001]) == [["0.0", "0.0"]]
-
-
 def test_without_a_script_the_block_is_seen_from_its_start(scene):
     page = BeautifulSoup(scene.html, "html.parser")
     x0, y0, x1, y1 = map(float, page.path["d"].replace("L", " ").strip("M").split())

@@ -6,14 +6,13 @@ import html
 from types import SimpleNamespace
 
 import jinja2
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
 from IPython.core.formatters import DisplayFormatter
 from markdown_it import MarkdownIt
 
-from acx4book.typesetting import matrix, myst, style, svg, tables
+from acx4book.typesetting import myst, tables
 from acx4book.typesetting.matrix import sigma_figure
 from acx4book.typesetting.myst import say
 from acx4book.typesetting.plain_text import Markup
@@ -37,23 +36,6 @@ def rows(markdown: str) -> list[list[str]]:
     return cells
 
 
-def test_directive_has_caption_name_and_body():
-    frame = pd.DataFrame({"parameter": ["f"], "value": [74.4404]})
-    caption = Markup("Interior\norientation")
-    got = myst.myst_table(frame, caption, name="tab-f", formats={"value": ".3f"})
-    assert got == (
-        "```{table} Interior orientation\n:name: tab-f\n\n"
-        "| parameter | value |\n| :--- | ---: |\n| f | 74.440 |\n```"
-    )
-
-
-def test_markup_survives_a_markdown_parser():
-    cells = [Markup("x | y"), Markup("two\nlines"), Markup("$k_1$")]
-    frame = pd.DataFrame({Markup("a|b"): cells, "n": [1, 2, 3]})
-    got = rows(myst.myst_table(frame, "c", name="tab-x"))
-    assert got == [["a|b", "n"], ["x | y", "1"], ["two lines", "2"], ["$k_1$", "3"]]
-
-
 def test_missing_values_are_dashes_and_text_takes_no_number_format():
     frame = pd.DataFrame(
         {"v": [np.nan, 0.5], "s": [None, "ND"], "m": pd.Series([1.0, "A"], dtype=object)}
@@ -62,29 +44,12 @@ def test_missing_values_are_dashes_and_text_takes_no_number_format():
     assert got[1:] == [[myst.MISSING, myst.MISSING, "1.00"], ["5.0e−01", "ND", "A"]]
 
 
-def test_no_line_ends_between_plus_minus_and_the_sigma():
-    got = myst.myst_table(pd.DataFrame({"v": [Markup("0.5 ± 0.1")]}), "c", name="t")
-    assert "0.5 ±\N{NO-BREAK SPACE}0.1" in got
-
-
 def test_text_is_no_markup_in_a_cell_a_heading_or_a_caption():
     frame = pd.DataFrame({"*a* $x$": ["`b` mm^-2 ± 1", "{{ c }}"], "n": ["-1", "--"]})
     got = myst.myst_table(frame, "*d* {e}`f`", name="t")
     assert not set("*$`{}^") & set(got.replace("```{table}", "").removesuffix("```"))
     said = [[html.unescape(cell) for cell in row] for row in rows(got)]
     assert said == [["*a* $x$", "n"], ["`b` mm^-2 ± 1", "-1"], ["{{ c }}", "--"]]
-
-
-def test_markup_stays_markup_on_its_way_through_a_table():
-    frame = myst.marked(pd.DataFrame({"$a$": ["$b$", "$c$"], "n": [1.5, 2.5]}))
-    turned = frame.assign(more=frame["$a$"]).iloc[::-1].rename(columns={"n": "m"})
-    got = rows(myst.myst_table(turned, "c", name="t"))
-    assert got == [["$a$", "m", "more"], ["$c$", "2.5", "$c$"], ["$b$", "1.5", "$b$"]]
-
-
-def test_format_of_an_unknown_column_is_refused():
-    with pytest.raises(ValueError, match="sigma"):
-        myst.myst_table(pd.DataFrame({"a": [1]}), "c", name="t", formats={"sigma": ".1f"})
 
 
 @pytest.mark.parametrize(
@@ -115,13 +80,6 @@ def test_scientific_numbers(value, digits, expected):
 )
 def test_numbers_have_minus_signs_and_keep_their_units(text, set_so):
     assert myst.numbers(text) == set_so
-
-
-def test_a_commit_of_stored_numbers_says_how_many_files_differed():
-    name = "b689ff0561d516e1a6d076faa26ccdd554320175"
-    assert myst.at_commit(name) == "commit `b689ff0`"
-    assert myst.at_commit(f"{name}, 4 files differ") == "commit `b689ff0` with changes in 4 files"
-    assert myst.at_commit(f"{name}, 1 files differ") == "commit `b689ff0` with changes in one file"
 
 
 # --- tables ----------------------------------------------------------------------------------
@@ -187,12 +145,6 @@ def test_a_column_has_common_decimals_unless_its_numbers_differ_much(values, tex
     assert [row[0] for row in tables_rows(pd.DataFrame({"x": values}))[2:]] == texts
 
 
-def test_formats_are_asked_for_by_column():
-    table = pd.DataFrame({"p": [0.12345], "n": [3]})
-    table.attrs["formats"] = {"p": ".2f"}
-    assert tables_rows(table)[2] == ["0.12", "3"]
-
-
 def test_text_of_a_flight_is_shown_character_for_character():
     table = pd.DataFrame({"point": ["*K|1*", "<b>"], "note": [Markup("$k_1$"), Markup("**x**")]})
     text = markdown(table)
@@ -205,57 +157,6 @@ def test_text_of_a_flight_is_shown_character_for_character():
     assert "&lt;b&gt;" in shown
     assert "<b>x</b>" in shown
     assert "*K|1*" in shown
-
-
-# --- figures of matrices ---------------------------------------------------------------------
-
-
-VALUES = np.array([[1.0, -0.72, 0.0], [-0.72, 1.0, 0.31], [0.0, 0.31, 1.0]])
-
-
-def covered(patch, i, j):
-    """Tell whether a shape covers the middle of a cell."""
-    bars = patch.get_path().to_polygons()
-    return any(mpl.path.Path(bar).contains_point((j + 0.5, i + 0.5)) for bar in bars)
-
-
-def test_a_cell_has_the_colour_of_its_sign_as_dense_as_its_size_and_zero_has_none():
-    with style.applied():
-        _, ax = style.subplots(figsize=(2, 2))
-        matrix.signed_cells(ax, VALUES)
-    for (i, j), value in np.ndenumerate(VALUES):
-        seen = [patch for patch in ax.patches if covered(patch, i, j)]
-        assert len(seen) == (value != 0)
-        for patch in seen:
-            colour = style.BLUE if value > 0 else style.ORANGE
-            assert mpl.colors.same_color(patch.get_facecolor()[:3], colour)
-            assert patch.get_alpha() == pytest.approx(abs(value), abs=0.5 / matrix.LEVELS)
-
-
-def test_a_matrix_is_in_colours_that_a_page_sets():
-    names = ["f_mm", "lever_z_m", "k1"]
-    fig = matrix.correlation_matrix(pd.DataFrame(VALUES, index=names, columns=names))
-    drawn = svg.vector(fig)
-    assert "<image" not in drawn
-    assert style.BLUE in drawn
-    assert style.ORANGE in drawn
-    written = [t.get_text() for t in fig.axes[0].texts]
-    assert written == ["−.72", "−.72", "+.31", "+.31"]
-
-
-@pytest.mark.parametrize("gap", [0.0, 0.2])
-def test_cells_cover_what_is_filled_and_nothing_else(gap):
-    filled = np.array([[True, True, False, True], [False, False, False, False], [True] * 4])
-    with style.applied():
-        _, ax = style.subplots(figsize=(2, 2))
-        matrix.cells(ax, filled, style.BLUE, gap=gap)
-    shape = ax.patches[0].get_path()
-    rows, columns = np.indices(filled.shape)
-    middles = np.column_stack([columns.ravel(), rows.ravel()]) + 0.5
-    bars = shape.to_polygons()
-    seen = [any(mpl.path.Path(bar).contains_point(m) for bar in bars) for m in middles]
-    assert np.array_equal(np.reshape(seen, filled.shape), filled)
-    assert len(bars) == (7 if gap else 3)
 
 
 # --- Standard deviations over the format are drawn where they are, in centimetres
@@ -304,32 +205,8 @@ def test_a_sentence_has_the_numbers_in_the_formats_that_it_asks_for():
     assert str(text) == "$f$ is 74.441 mm, −0.2, +2.0"
 
 
-@pytest.mark.parametrize(("n", "text"), [(1, "1 point"), (2, "2 points"), (0, "0 points")])
-def test_one_of_something_has_no_s(n, text):
-    assert str(say("{{ n | plural('point') }}", n=n)) == text
-
-
 def test_names_of_a_flight_are_no_markdown():
     assert "*" not in str(say("{{ name }}", name="*K1*"))
-
-
-def test_a_case_of_a_flight_that_lacks_something_leaves_no_trace():
-    template = """
-        {% if n %}
-        There are {{ n }}.
-        {% endif %}
-        Always.
-    """
-    assert str(say(template, n=0)) == "Always."
-    assert str(say(template, n=2)) == "There are 2.\nAlways."
-
-
-def test_a_sentence_that_ends_in_a_tag_does_not_run_into_the_next():
-    template = """{% if n %}Yes.{% endif %}
-    {% if n %}Where{% else %}Nowhere{% endif %}, once
-    more{% for x in "ab" %}, {{ x }}{% endfor %}
-    {%- if n %}; end{% endif %}."""
-    assert str(say(template, n=1)) == "Yes.\nWhere, once\nmore, a, b; end."
 
 
 def test_a_name_without_a_value_is_an_error():

@@ -16,10 +16,9 @@ from markdown_it.renderer import RendererHTML
 from myst_parser.config.main import MdParserConfig
 from myst_parser.parsers.mdit import create_md_parser
 
-from acx4book.command import terminal
 from acx4book.report.markdown import Document, to_html
 from acx4book.typesetting import myst, style
-from acx4book.typesetting.plain_text import ISOLATE, POP, Markup, code, shown
+from acx4book.typesetting.plain_text import ISOLATE, POP, shown
 from support.flights import payloads
 from support.helpers import ROOT
 
@@ -72,16 +71,6 @@ def test_a_name_is_text_on_a_page(name, rendered, place):
 
 
 @given(name=ANY)
-@example(name="a:b")
-@example(name="&#36;")
-def test_any_signs_are_text_on_a_page(name):
-    for pattern, holder, elements in PLACES.values():
-        soup = book(pattern.format(shown(name)))
-        assert [element.name for element in soup.find_all(True)] == elements
-        assert same(soup.find(holder).get_text().strip("\n")) == name
-
-
-@given(name=ANY)
 @example(name=" ")
 def test_any_signs_are_text_in_a_table_its_head_and_its_caption(name):
     table = myst.pd.DataFrame({name: [name], "n": [1]})
@@ -127,31 +116,11 @@ def test_a_name_is_drawn_as_it_is(name):
     assert "\n" not in title or name[0] == "_"  # one piece: no mathematics
 
 
-def test_labels_keep_their_own_mathematics_beside_a_name():
-    with style.applied():
-        fig, ax = style.subplots(figsize=(4, 3))
-        ax.set(xticks=[], yticks=[], title=f"{style.plain('a $x_p$ b')} $x_p$")
-        assert "".join(labels(fig)[0].split()) == "a$x_p$bxp"
-
-
-def test_a_long_name_and_one_without_shapes_fit_a_figure():
-    assert style.plain(50 * "a" + 50 * "b") == 12 * "a" + "…" + 12 * "b"
-    assert style.plain("\u6771 1") == r"\u6771 1"
-
-
 @every_name
 def test_a_terminal_obeys_no_name(name):
     line = shown(name, "terminal")
     assert line == name or not line.isascii() or "\\u" in line
     assert not set("\N{RIGHT-TO-LEFT OVERRIDE}\N{POP DIRECTIONAL ISOLATE}\x1b\r\n\a") & set(line)
-
-
-def test_commands_say_a_name_in_its_line(capsys):
-    terminal.show("a\x1b[31m\rb\nc [red]")
-    terminal.say("a\x1b]0;b\a", "c\nd")
-    said = capsys.readouterr()
-    assert said.out.splitlines() == [r"a\x1b[31m\rb", "c [red]"]
-    assert said.err.splitlines() == [r"a\x1b]0;b\x07", r"c\nd"]
 
 
 @pytest.mark.parametrize("medium", ["myst", "html", "tex", "terminal"])
@@ -170,24 +139,3 @@ def test_commands_say_a_name_in_its_line(capsys):
 def test_what_nothing_shows_is_an_escape(medium, name, seen):
     text = shown(name, medium)
     assert (html.unescape(text) if medium in ("myst", "html") else text) == seen
-
-
-def test_a_name_that_runs_from_right_to_left_leaves_its_neighbours_alone():
-    assert html.unescape(shown("(שלום) 7")) == f"{ISOLATE}(שלום) 7{POP}"
-    assert shown("CAM1") == shown("CAM1", "html") == "CAM1"
-
-
-def test_markup_is_left_alone_and_what_is_shown_is_markup():
-    assert shown(Markup("$x$")) == "$x$"
-    assert shown(shown("$x$")) == shown("$x$") == "&#36;x&#36;"
-    assert shown(7) == "7"
-
-
-def test_clean_names_are_written_as_they_are():
-    for name in ("CAM1", "H3-04_CAM1", "PhaseOne 150MP/50mm", "Straße 1, 7.5"):
-        assert shown(name) == shown(name, "tex") == shown(name, "terminal") == name
-
-
-def test_paths_are_code_and_others_are_shown():
-    assert code("flight/heads/images.csv") == "`flight/heads/images.csv`"
-    assert code("flight/`{{x}}`.csv") == shown("flight/`{{x}}`.csv")

@@ -1,24 +1,15 @@
 """The look of figures, maps, and pictures in figures."""
 
-import io
 import itertools
 import re
-from dataclasses import replace
 
 import matplotlib as mpl
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from IPython.core.formatters import DisplayFormatter
-from matplotlib.collections import PolyCollection
 from numpy.testing import assert_allclose
-from PIL import Image
 from scipy.spatial import KDTree
 
 from acx4book.typesetting import maps, style
-from acx4book.typesetting.maps import block_maps, control_maps
-from acx4book.typesetting.pictures import smaller
-from support.figures import assert_labelled, assert_texts_apart, drawn, legend, panels
 from support.flights.simulated import fly
 from support.helpers import ROOT
 
@@ -29,29 +20,6 @@ LISTED = re.compile(r"--figure-([\w-]+): (#\w{6});")
 SHEET = (ROOT / "book" / "_static" / "acx4.css").read_text("utf-8")
 DAY, NIGHT = (dict(LISTED.findall(part)) for part in SHEET.split("@media screen")[:2])
 PAGES = {"day": (DAY, "#ffffff"), "night": (NIGHT, "#121212")}
-
-
-def test_the_style_leaves_pyplot_as_it_found_it():
-    before = dict(mpl.rcParams), plt.get_fignums()
-    with style.applied():
-        fig, ax = style.subplots(figsize=(2, 2))
-        assert not ax.spines["top"].get_visible()
-    assert (dict(mpl.rcParams), plt.get_fignums()) == before
-    assert fig.dpi == 150
-    assert fig.get_facecolor() == (1, 1, 1, 1)
-
-
-def test_a_figure_shows_itself_as_one_picture_as_wide_as_it_is():
-    with style.applied():
-        fig, _ = style.subplots(figsize=(3, 2))
-        fig.text(0.5, -0.2, "below", va="top")
-    shown, about = DisplayFormatter().format(fig)
-    assert set(shown) == {"text/plain", "image/png"}
-    assert about == {"image/png": {"width": 288}}
-    picture = Image.open(io.BytesIO(shown["image/png"]))
-    assert picture.width == pytest.approx(3 * 150, abs=1)
-    assert picture.height > 2.2 * 150  # what reaches out of it is drawn, too
-    assert DisplayFormatter().format(fig) == (shown, about)
 
 
 # Linear RGB as full protanopes, deuteranopes and tritanopes see it.
@@ -121,20 +89,6 @@ def test_colour_scales_lead_away_from_the_page_in_lightness(scale, middle, time,
     assert np.all(away * np.diff(seen[: middle + 1]) < 0)
 
 
-@pytest.mark.parametrize(
-    ("longest", "length"), [(1.0, 1.0), (1.9, 1.0), (4.99, 2.0), (730.0, 500.0), (0.1, 0.1)]
-)
-def test_scale_bars_have_round_lengths(longest, length):
-    assert style.round_length(longest) == pytest.approx(length)
-
-
-def test_of_few_marks_all_are_drawn_the_large_ones_last(rng):
-    at, values = rng.uniform(0, 9, (style.MANY, 2)), rng.normal(size=style.MANY)
-    drawn = style.largest_in_cells(at, values)
-    assert sorted(drawn) == list(range(style.MANY))
-    assert np.all(np.diff(values[drawn]) > 0)
-
-
 @pytest.mark.parametrize("size", [(9.0, 9.0), (1.0, 300.0), (700.0, 0.0)])
 def test_of_many_marks_the_largest_of_every_place_is_drawn(rng, size):
     n = 20 * style.MANY
@@ -159,32 +113,6 @@ def flight():
     return fly("acx4", seed=1, blocks=("heads",)).flight
 
 
-def test_a_map_shows_every_exposure_strip_and_control_point(flight):
-    block = flight.heads
-    fig = drawn(block_maps(block, None))
-    assert_labelled(fig)
-    assert_texts_apart(fig)
-    (ax,) = panels(fig)
-    assert len(ax.get_title(loc="left")) > 0
-    lines = [len(line.get_xdata()) for line in ax.lines]
-    assert sorted(n for n in lines if n > 2) == sorted([10, 7, 7, 7, len(block.control)])
-    outlined = [c for c in ax.collections if isinstance(c, PolyCollection)]
-    assert sorted(len(c.get_paths()) for c in outlined) == [4, 4, len(block.images)]
-    assert legend(fig) == ["higher strips", "lower strips", "control points"]
-    assert ax.get_aspect() == 1.0
-
-
-def test_the_map_of_one_point_shows_the_flight_around_it(flight):
-    block = flight.heads
-    fig = drawn(control_maps(replace(block, control=block.control[:1], check=block.check[:0])))
-    (ax,) = panels(fig)
-    exposures = block.frame.to_grid(block.trajectory.T_m_b.r)[:, :2] / 1000
-    low, high = np.transpose([ax.get_xlim(), ax.get_ylim()])
-    assert np.all(low < exposures.min(axis=0))
-    assert np.all(high > exposures.max(axis=0))
-    assert any(t.get_text().startswith("1 point in ") for t in ax.texts)
-
-
 EAST, NORTH, UP = np.eye(3)
 
 
@@ -197,17 +125,3 @@ def test_from_straight_above_one_sees_the_map():
 def test_from_the_horizon_up_is_up_and_what_is_right_depends_on_where_one_stands(from_deg, right):
     seen = maps.view(from_deg, 0)
     assert_allclose(seen.apply([right, UP])[:, :2], np.eye(2), atol=1e-15)
-
-
-# --- Pictures reduced to the pixels of a figure, against means that are written out ----------
-
-
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
-def test_a_smaller_picture_has_the_means_of_squares_from_the_middle(dtype):
-    rng = np.random.default_rng(2)
-    image = rng.integers(0, 250, (23, 31, 3)).astype(dtype)
-    found = smaller(image, 5)
-    middle = image[1:21]
-    squares = [[middle[i : i + 5, j : j + 5] for j in range(0, 30, 5)] for i in range(0, 20, 5)]
-    assert found.shape == (4, 6, 3)
-    assert_allclose(found, np.mean(squares, axis=(2, 3), dtype=float), rtol=1e-6)

@@ -1,13 +1,8 @@
 """Vector drawings: the same twice, all of the figure, and nothing else."""
 
-import base64
-import io
 import re
 
-import numpy as np
 import pytest
-from matplotlib.figure import Figure
-from PIL import Image
 
 from acx4book.typesetting import style
 from acx4book.typesetting.svg import inline, vector
@@ -28,17 +23,6 @@ def test_a_drawing_is_the_same_twice_and_has_no_date():
     assert "date" not in drawn[0]
 
 
-def test_a_figure_is_drawn_once(monkeypatch):
-    drawn, draw = [], Figure.draw
-    monkeypatch.setattr(Figure, "draw", lambda own, *to: drawn.append(own) or draw(own, *to))
-    vector(figure())
-    assert len(drawn) == 1
-
-
-def test_a_drawing_has_outlines_of_letters_and_no_text():
-    assert "zq53" not in vector(figure("zq53 --><b>"))
-
-
 def test_what_reaches_out_of_the_figure_is_drawn_too():
     fig = figure()
     where = {"xycoords": "axes fraction", "textcoords": "axes fraction"}
@@ -51,20 +35,6 @@ def test_what_reaches_out_of_the_figure_is_drawn_too():
     assert left_out[2] == pytest.approx(72 * style.WIDTH, abs=0.1)
     assert whole[2] > left_out[2] + 20
     assert whole[3] > left_out[3] + 5
-
-
-@pytest.mark.parametrize(("side", "allowed"), [(20, 0), (400, 10)])
-def test_small_pictures_are_stored_without_loss_and_large_ones_with_some(rng, side, allowed):
-    smooth = np.add.outer(np.arange(side), np.arange(side)) * 200 / (2 * side)
-    seen = (smooth[..., None] + rng.uniform(0, 20, (side, side, 3))).astype(np.uint8)
-    with style.applied():
-        fig = style.figure(figsize=(4, 4))
-        fig.set_layout_engine("none")
-        fig.figimage(seen, resize=False)
-    kept = base64.b64decode(re.search(r'webp;base64,([^"]*)', vector(fig))[1])
-    found = np.asarray(Image.open(io.BytesIO(kept)).convert("RGB"))[::-1]  # as it is stored
-    assert found.shape == seen.shape
-    assert np.abs(found.astype(int) - seen).mean() <= allowed
 
 
 # --- Drawings in a page: in its colours, their names apart, every letter once

@@ -29,12 +29,6 @@ def test_a_tiff_and_a_jpeg_say_the_same(tmp_path, name):
     assert (found.samples, found.bits) == ((1, 16) if "t" in name.lower() else (3, 8))
 
 
-def test_a_picture_without_xmp_has_no_properties(tmp_path):
-    found = read(tagged.write(tmp_path / "a.jpg", None))
-    assert found.xmp == {}
-    assert found.number("Camera:RigCameraIndex") is None
-
-
 @pytest.mark.parametrize(
     ("content", "said"),
     [
@@ -51,26 +45,6 @@ def test_other_and_cut_files_are_refused_in_one_line(tmp_path, content, said):
         read(path)
     assert str(refused.value).count("\n") == 0
     assert str(path) in str(refused.value)
-
-
-@pytest.mark.parametrize(
-    ("value", "said"),
-    [("one,2,3", "must be numbers"), ("1,2", "must be 3"), ("1,nan,2", "must be finite numbers")],
-)
-def test_numbers_that_are_none_are_named(tmp_path, value, said):
-    found = read(tagged.write(tmp_path / "a.tif", {"Camera:RigRelatives": value}))
-    with pytest.raises(FlightError, match=f"Camera:RigRelatives: .*{said}"):
-        found.numbers("Camera:RigRelatives", 3)
-
-
-@pytest.mark.parametrize(("value", "number"), [((3, 2), 1.5), ((7,), 7.0), (4, 4.0), ("2.5", 2.5)])
-def test_numbers_of_exif_are_ratios_or_plain(value, number):
-    assert metadata.rational(value) == number
-
-
-@pytest.mark.parametrize("value", [(1, 0), (1, 2, 3), "x", None, b"\x01"])
-def test_what_is_no_number_of_exif_is_nan(value):
-    assert metadata.rational(value) != metadata.rational(value)
 
 
 # --- XMP packets as vendors write them, and as nobody should
@@ -91,16 +65,6 @@ def test_elements_lists_and_attributes_are_read_by_the_vendors_prefix():
         tagged.packet({"drone-dji:GimbalYawDegree": "+3.0"}, attributes=True), PATH
     )
     assert as_attributes == {"drone-dji:GimbalYawDegree": ("+3.0",)}
-
-
-def test_an_older_name_space_of_the_same_vendor_has_the_same_prefix():
-    packet = tagged.packet({"Camera:BandName": "NIR"}).replace(b"camera/1.0", b"1.0")
-    assert properties(packet, PATH)["Camera:BandName"] == ("NIR",)
-
-
-def test_other_vendors_properties_are_left_out():
-    packet = tagged.packet({"Camera:BandName": "NIR"}).replace(b"pix4d.com", b"example.com")
-    assert properties(packet, PATH) == {}
 
 
 @pytest.mark.parametrize(
@@ -174,15 +138,6 @@ def test_marks_are_joined_to_the_pictures_by_number(tmp_path):
 def test_flags_that_are_no_fixed_solutions_are_warned_of(tmp_path):
     (said,) = (w for w in read_folder(folder(tmp_path, flags=(50, 16, 34))).warnings if "MRK" in w)
     assert said.endswith("1 with flag 16 (single), 1 with flag 34 (float)")
-
-
-def test_a_picture_without_a_mark_keeps_its_own_position_and_is_named(tmp_path):
-    path = folder(tmp_path)
-    (path / "DJI_20240501_Timestamp.MRK").write_text(line(7) + line(8))
-    brought = read_folder(path)
-    track = brought.tables["calibration/trajectory.csv"]
-    assert sorted(track["height_m"]) == pytest.approx([100.0, HEIGHT - 0.186, HEIGHT - 0.186])
-    assert any("1 exposure without a mark" in one for one in brought.assumed)
 
 
 @pytest.mark.parametrize(
@@ -296,14 +251,6 @@ def test_the_focal_length_of_35_mm_film_is_over_the_width(tmp_path):
     exif.get_ifd(tagged.EXIF)[41989] = 24
     camera = lens_of(tmp_path, None, exif=exif, name="a.jpg").camera
     assert camera.interior.f / camera.pixel_mm == pytest.approx(24 / 36 * 320)
-
-
-def test_a_picture_that_does_not_say_its_pixels_needs_them_told(tmp_path):
-    exif = tagged.metadata(pixel_mm=None)
-    exif.get_ifd(tagged.EXIF)[37386] = 5.4
-    with pytest.raises(FlightError, match="--pixel-um"):
-        lens_of(tmp_path, None, exif=exif)
-    assert lens_of(tmp_path, None, exif=exif, known_pixel_mm=0.02).camera.pixel_mm == 0.02
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """A flight of pictures alone, from their metadata to a stack of bands."""
 
-import datetime as dt
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -66,38 +64,11 @@ def test_one_camera_makes_a_calibration_block_with_its_track(tmp_path):
     assert np.diff(track["time_s"]) == pytest.approx([1, 1])
 
 
-def test_exposures_without_a_position_are_counted(tmp_path):
-    tagged.write(tmp_path / "DJI_0001.JPG", {"drone-dji:CalibratedFocalLength": 300})
-    exif = tagged.metadata(lat=None)
-    tagged.write(tmp_path / "DJI_0002.JPG", {"drone-dji:CalibratedFocalLength": 300}, exif=exif)
-    assert read_folder(tmp_path).left_out == ("1 exposure without a position: DJI_0002",)
-
-
-def test_what_is_no_folder_of_pictures_is_refused(tmp_path):
-    with pytest.raises(FlightError, match="is no folder"):
-        read_folder(tmp_path / "nowhere")
-    with pytest.raises(FlightError, match="holds 0 pictures"):
-        read_folder(tmp_path)
-    tagged.write(tmp_path / "a.tif", tagged.micasense(0), exif=tagged.metadata(lat=None))
-    with pytest.raises(FlightError, match=r"GPSLatitude.*missing"):
-        read_folder(tmp_path)
-
-
 def test_two_pictures_of_one_head_at_one_exposure_are_refused(tmp_path):
     for k in (1, 2):
         tagged.write(tmp_path / f"IMG_0001_{k}.tif", tagged.micasense(0))
     with pytest.raises(FlightError, match=r"RigCameraIndex.*of the same exposure"):
         read_folder(tmp_path)
-
-
-def test_a_receiver_without_a_fix_gives_no_position(tmp_path):
-    focal = {"drone-dji:CalibratedFocalLength": 300}
-    for k, place in enumerate(((0.0, 0.0), (-25.0, 151.0))):
-        exif = tagged.metadata(lat=place[0], lon=place[1], time=f"2024:05:01 10:20:3{k}")
-        tagged.write(tmp_path / f"DJI_000{k}.JPG", focal, exif=exif)
-    brought = read_folder(tmp_path)
-    assert brought.left_out == ("1 exposure without a position: DJI_0000",)
-    assert brought.settings["crs"] == "EPSG:32756"
 
 
 def test_a_jpeg_that_is_cut_in_half_is_refused(tmp_path):
@@ -152,25 +123,6 @@ def test_positions_have_the_signs_of_their_letters(tmp_path, lat, lon):
     assert found == pytest.approx((lat, lon, -3.25), abs=1e-8)
 
 
-def test_a_picture_without_gps_has_no_position(tmp_path):
-    assert metadata.place_of(tags_of(tmp_path, lat=None)) is None
-
-
-def test_a_place_beyond_the_poles_is_refused(tmp_path):
-    with pytest.raises(FlightError, match=r"GPSLatitude.*must be on Earth"):
-        metadata.place_of(tags_of(tmp_path, lat=91.0))
-
-
-def test_times_have_parts_of_a_second(tmp_path):
-    expected = dt.datetime(2024, 5, 1, 10, 20, 30, 250_000)
-    assert metadata.time_of(tags_of(tmp_path)) == expected
-
-
-def test_what_is_no_time_is_refused(tmp_path):
-    with pytest.raises(FlightError, match="DateTimeOriginal: '2024-05-01'; must be a time"):
-        metadata.time_of(tags_of(tmp_path, time="2024-05-01"))
-
-
 def test_a_gimbal_that_looks_down_is_level(tmp_path):
     angles = dict(zip(metadata.GIMBAL, ("+0.50", "-89.90", "-132.00"), strict=True))
     held = metadata.attitude_of(tags_of(tmp_path, angles))
@@ -187,22 +139,6 @@ def test_the_light_sensors_angles_are_radians_and_count_last(tmp_path):
     assert metadata.attitude_of(tags_of(tmp_path)) is None
 
 
-def test_sigma_of_positions_are_taken_where_they_are(tmp_path):
-    rtk = dict(zip(metadata.RTK, (0.01, 0.02, 0.03), strict=True))
-    assert metadata.sigma_of(tags_of(tmp_path, rtk)) == (0.01, 0.02, 0.03)
-    said = dict(zip(metadata.ACCURACY, (0.4, 0.8), strict=True))
-    assert metadata.sigma_of(tags_of(tmp_path, said)) == (0.4, 0.4, 0.8)
-    assert metadata.sigma_of(tags_of(tmp_path)) is None
-
-
-def test_heads_of_one_exposure_have_one_key(tmp_path):
-    named = [tags_of(tmp_path, name=f"IMG_0001_{k}.tif") for k in (1, 10)]
-    assert len({metadata.key(one) for one in named}) == 1
-    assert {metadata.name_of(one) for one in named} == {"IMG_0001"}
-    other = tags_of(tmp_path, {metadata.CAPTURE[0]: "x"}, name="IMG_0001_3.tif")
-    assert metadata.key(other) == "x"
-
-
 def test_the_course_follows_the_track():
     north = [(47.0, 3.0, 0.0), (47.1, 3.0, 0.0), (47.2, 3.0, 0.0)]
     assert metadata.course(north) == pytest.approx([0, 0, 0])
@@ -211,19 +147,6 @@ def test_the_course_follows_the_track():
 
 
 # --- Heads, their reference, and what their three angles mean
-
-
-def head_of(tmp_path, properties):
-    return metadata.head_of(read(tagged.write(tmp_path / "a.tif", properties)))
-
-
-def test_a_head_has_its_number_and_band_as_name(tmp_path):
-    head = head_of(
-        tmp_path, tagged.micasense(3, relatives=(0.1, 0.2, 0.3), reference=1, band="NIR")
-    )
-    assert (head.name, head.index, head.reference) == ("4 NIR", 3, 1)
-    assert head.relatives_deg == (0.1, 0.2, 0.3)
-    assert head_of(tmp_path, {}).name == "RedEdge-T"
 
 
 def test_the_angles_turn_a_ray_of_the_head_into_the_reference():
@@ -272,13 +195,6 @@ def test_the_polynomial_begins_with_the_radius(tmp_path):
     found = metadata.vignetting(tags).at(np.array([[100, 50], [103, 54]]))
     assert found == pytest.approx([1.0, 1 + 5e-3 - 25 * 2e-5])
     assert "1 head," in metadata.sentences([tags])[-1]
-
-
-def test_without_it_nothing_is_said(tmp_path):
-    tags = read(tagged.write(tmp_path / "a.tif", {}))
-    assert metadata.vignetting(tags) is None
-    assert metadata.dark_level(tags) is None
-    assert metadata.sentences([tags]) == []
 
 
 # --- what other makers write
@@ -364,15 +280,6 @@ def test_pictures_decide_between_the_yaw_of_the_gimbal_and_of_the_aircraft(
     assert brought.tables["calibration/trajectory.csv"]["heading_deg"] == [28.0] * 3
 
 
-def test_pictures_that_show_nothing_leave_the_yaw_of_the_gimbal(tmp_path):
-    grey = np.full((900, 900), 20000, np.uint16)
-    brought = strip_of(tmp_path, [10.0, 190.0, 10.0], [12.0] * 3, ground=grey)
-    (said,) = brought.warnings
-    assert said.startswith("at 1 of 3 exposures the yaw of the gimbal and that of the aircraft")
-    assert said.endswith("the pictures do not say which is right, and the gimbal's is taken")
-    assert brought.tables["calibration/trajectory.csv"]["heading_deg"] == [10.0, 190.0, 10.0]
-
-
 def test_a_gimbal_that_is_turned_over_looks_down_with_its_top_behind(tmp_path):
     """Its angles and those without a half turn are of one attitude."""
     angles = dict(zip(metadata.GIMBAL, ("+180.00", "-89.90", "-132.00"), strict=True))
@@ -425,12 +332,3 @@ def test_heads_are_calibrated_together_where_there_are_exposures_to_do_so(tmp_pa
     alone = read_folder(flown(tmp_path / "one", n=1))
     assert {name.partition("/")[0] for name in alone.pictures} == {"heads"}
     assert "stages" not in alone.settings
-
-
-def test_one_camera_has_no_heads_to_hold_out_of(tmp_path):
-    brought = read_folder(flown(tmp_path, heads=1), hold_out=3)
-    assert brought.tables["validation/images.csv"]["exposure"] == ["IMG_0002"]
-    assert len(brought.tables["calibration/images.csv"]["exposure"]) == 3
-    assert "stages" not in brought.settings
-    with pytest.raises(FlightError, match="--hold-out: 9 of 4 exposures; must leave exposures"):
-        read_folder(tmp_path, hold_out=9)

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4files.exchange import flight_folder
 from acx4files.exchange.coordinates import UNKNOWN, stacked
 from acx4files.exchange.lens import Lens, Pinhole
 from acx4files.exchange.project import (
-    Control,
     Images,
     Measured,
     Project,
@@ -18,9 +16,7 @@ from acx4files.exchange.project import (
     Trajectory,
     flight_of,
     grid_poses_of_ecef,
-    joined,
     nowhere,
-    require_all_names,
 )
 from acx4files.exchange.safe import Opened
 from acx4lib.errors import FlightError
@@ -85,18 +81,6 @@ def test_rays_of_points_without_a_place_must_meet():
     assert float(said.split()[6]) == pytest.approx(1.5, abs=0.1)
 
 
-def test_images_taken_together_belong_to_heads():
-    assert "calibration/images.csv" in flight_of(PROJECT).tables
-    together = replace(PROJECT, images=replace(IMAGES, exposures=("e", "e")))
-    assert "heads/images.csv" in flight_of(together).tables
-
-
-def test_tables_have_names_instead_of_places():
-    brought = flight_of(PROJECT, block="heads")
-    assert brought.tables["heads/image_points.csv"]["point"] == ["p", "q", "p"]
-    assert brought.tables["heads/images.csv"]["camera"] == ["C", "C"]
-
-
 def test_images_that_the_trajectory_lacks_do_not_come_along():
     brought = flight_of(PROJECT, orientations="adjusted")
     assert brought.tables["calibration/images.csv"]["image"] == ["a"]
@@ -106,14 +90,6 @@ def test_images_that_the_trajectory_lacks_do_not_come_along():
         "1 images whose exposures are not in the trajectory",
         "1 measurements in images that are left out",
     )
-
-
-def test_a_switched_off_image_is_counted_and_proves_nothing_less():
-    off = replace(PROJECT, images=replace(IMAGES, enabled=np.array([False, True])))
-    brought = flight_of(off)
-    assert brought.tables["calibration/images.csv"]["image"] == ["b"]
-    assert "1 images that are switched off" in brought.left_out
-    assert any("(1 measurement)" in one for one in brought.found)
 
 
 def test_adjusted_orientations_need_a_place():
@@ -133,24 +109,6 @@ def test_what_was_measured_is_the_trajectory_where_it_is_asked_for():
     assert "calibration/trajectory.csv" not in flight_of(both, orientations="none").tables
 
 
-def test_control_has_the_columns_that_the_files_have():
-    sigma = np.array([[0.01, 0.02, 0.0], [0.01, 0.02, 0.03]])
-    control = Control(names=("p", "z"), enh=np.arange(6.0).reshape(2, 3), sigma=sigma)
-    table = flight_of(replace(PROJECT, control=control)).tables["control_points.csv"]
-    assert list(table) == [
-        "point",
-        "east_m",
-        "north_m",
-        "height_m",
-        "sigma_east_m",
-        "sigma_north_m",
-    ]
-    roles = replace(control, sigma=None, is_check=(True, False))
-    brought = flight_of(replace(PROJECT, control=roles))
-    assert brought.tables["control_points.csv"]["role"] == ["check", "control"]
-    assert "2 surveyed points, 1 of them measured, 1 check points" in brought.found
-
-
 def test_cameras_that_no_flight_has_are_refused_or_left_out():
     far = replace(LENS, pixel_um=0.5)
     images = replace(IMAGES, cameras=("C", "D"))
@@ -161,13 +119,6 @@ def test_cameras_that_no_flight_has_are_refused_or_left_out():
     assert list(brought.settings["cameras"]) == ["C"]
     assert brought.tables["calibration/images.csv"]["image"] == ["a"]
     assert any(one.startswith("camera and its images: D: ") for one in brought.left_out)
-
-
-def test_measurements_of_different_points_are_joined():
-    both = joined(MEASURED, replace(MEASURED, points=("r", "s"), x_w=None))
-    assert both.points == ("p", "q", "r", "s")
-    assert both.point_idx.tolist() == [0, 1, 0, 2, 3, 2]
-    assert np.isfinite(both.x_w).all(axis=1).tolist() == [True, False, False, False]
 
 
 def test_poses_in_the_ecef_frame_are_brought_into_the_grid():
@@ -181,18 +132,6 @@ def test_poses_in_the_ecef_frame_are_brought_into_the_grid():
     back = grid_poses_of_ecef(grid, T_e)
     assert_allclose(back[0], enh, atol=1e-5)
     assert_allclose(rotation_from_opk(back[1]), rotation_from_opk(opk), atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("names", "message"),
-    [
-        ({"point": ("p", "=1+1")}, "x.json:1: point: '=1\\+1' would be computed as a formula"),
-        ({"image": ("", "b")}, "x.json:1: image: is empty; must be a name"),
-    ],
-)
-def test_names_that_no_flight_may_use_are_refused(names, message):
-    with pytest.raises(FlightError, match=message):
-        require_all_names(names, FILE.wrong)
 
 
 def bent(strength):
@@ -225,20 +164,3 @@ def test_what_a_refit_leaves_is_a_warning_and_then_a_refusal():
     with pytest.raises(FlightError, match=r"must be at most 0\.1 px"):
         flight_of(large, allow=0.1)
     assert flight_of(too_large, allow=20.0).warnings
-
-
-def test_many_lenses_are_one_line_on_the_screen_and_a_table_in_import_md():
-    names = [f"C{k}" for k in range(12)]
-    lenses = {n: replace(LENS, pixel_um=10.0 + k) for k, n in enumerate(names)}
-    images = Images(
-        names=tuple(names),
-        cameras=tuple(names),
-        exposures=tuple(names),
-        T_w_c=stacked([UNKNOWN] * 12),
-    )
-    brought = flight_of(Project(source="P", sources=[FILE], lenses=lenses, images=images))
-    said = [one for one in brought.found if "lens" in one]
-    assert len(said) == 1
-    assert said[0].startswith("12 lenses, f 100.00 to 100.00 px; ")
-    text = flight_folder.statement(brought)
-    assert "| C11 | 100 x 80 | 100.00 | 100.00 | 0 | 0 |" in text

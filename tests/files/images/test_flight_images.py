@@ -6,7 +6,6 @@ import shutil
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 
-import distributed
 import numpy as np
 import pandas as pd
 import pytest
@@ -19,13 +18,11 @@ from acx4files.images.flight_images import render_flight
 from acx4files.images.tiff import read_about
 from acx4files.results import adjustments
 from acx4files.results import folder as found_results
-from acx4files.results.own_folder import MARK
 from acx4lib.calibration.heads import declared_orientation
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.synthetic_image.rendering import render_plan
 from support.flights import pictured
-from support.flights import written as small
 
 # --- flight images ---------------------------------------------------------------------------
 #
@@ -67,7 +64,7 @@ def image(folder, exposure):
 
 
 def names(folder):
-    return sorted(path.name for path in folder.iterdir() if path.name != MARK)
+    return sorted(path.name for path in folder.iterdir())
 
 
 def misfit(found, scene):
@@ -90,15 +87,6 @@ def test_the_files_show_the_scene(rendered):
         assert abs(np.median(d)) < 0.002 * 12000  # the response of heads that have none is noise
 
 
-def test_cubic_interpolation_is_sharper(rendered, made, tmp_path):
-    scene, rms = pictured.scene(1), {}
-    for kind in ("bilinear", "cubic"):
-        options = RenderOptions(interpolation=kind, equalise="none")
-        folder, _ = rendered(exposures=["E0"], options=options)
-        rms[kind] = np.sqrt(np.mean(misfit(image(folder, "E0"), scene) ** 2))
-    assert rms["cubic"] < 0.7 * rms["bilinear"]
-
-
 def test_an_image_says_what_it_was_made_from(rendered, made):
     folder, report = rendered(options=RenderOptions(blend="seam"))
     about = read_about(folder / "E1.tif")
@@ -116,15 +104,6 @@ def test_an_image_says_what_it_was_made_from(rendered, made):
     assert np.shape(left["response"]) == (3, 3)
     assert str(made[0]) not in json.dumps(about)  # the same from a copy of the flight
     assert any("at 1/8 of the size" in note for note in report.notes)
-
-
-def test_the_folder_can_be_a_block_of_a_flight(rendered):
-    folder, _ = rendered()
-    table = pd.read_csv(folder / "images.csv", dtype=str)
-    assert table.to_dict("records") == [
-        {"image": name, "camera": "CAM", "exposure": name, "file": f"{name}.tif"}
-        for name in ("E0", "E1")
-    ]
 
 
 def test_the_same_input_gives_the_same_bytes_and_is_not_rendered_again(rendered):
@@ -197,14 +176,6 @@ def test_only_named_exposures_need_all_files(rendered, own):
     assert problem.startswith(f"E1: {flight}/heads/images.csv: exposure E1: no file for LEFT")
 
 
-def test_exposures_that_are_not_there_are_named(rendered, made):
-    with pytest.raises(FlightError) as error:
-        rendered(exposures=["E0", "E7"])
-    assert error.value.problems == (
-        f"{made[0]}/heads/images.csv: no files of an exposure E7; complete are E0, E1",
-    )
-
-
 def test_heads_are_needed_with_their_orientation(rendered, own, tmp_path):
     flight, results = own
     with pytest.raises(FlightError, match="no results of stage heads; run first"):
@@ -212,24 +183,19 @@ def test_heads_are_needed_with_their_orientation(rendered, own, tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(FlightError, match="no results of stage heads; run first"):
         rendered(of=(flight, tmp_path / "empty"))
-    (results / MARK).unlink()  # else the change would be refused
     said = {"heads/relative_orientation": {"left_out": ["RIGHT is not determined"]}}
     found_results.replace(results, ["heads/relative_orientation"], tables={}, summary=said)
     with pytest.raises(AdjustmentError, match="RIGHT is not determined"):
         rendered(of=own)
 
 
-def test_a_flight_without_heads_has_nothing_to_render(tmp_path, rendered, made):
-    flight = small.write_flight(tmp_path / "single")
-    with pytest.raises(FlightError, match=r"flight.toml: has no table \[synthetic\]"):
-        rendered(of=(flight, made[1]))
-
-
 def test_a_refined_orientation_goes_before_the_other(rendered, own):
     refined = pictured.orientation()
-    (own[1] / MARK).unlink()
     adjustments.write(
-        own[1], "synthetic", [adjustments.of_relative_orientation("synthetic", "refined", refined)]
+        own[1],
+        "synthetic",
+        [adjustments.of_relative_orientation("synthetic", "refined", refined)],
+        flight=flights.read(own[0]),
     )
     _, report = rendered(of=own)
     assert report.notes[0] == f"heads as {own[1]} has them, synthetic/refined"
@@ -240,9 +206,11 @@ def test_heads_refined_by_each_images_tie_points_fit_better(rendered, own):
     """With RIGHT turned by 0.02 degrees about its axis, some px at its border."""
     wrong = pictured.orientation()
     wrong.opk[1, 2] += np.radians(0.2)
-    (own[1] / MARK).unlink()
     adjustments.write(
-        own[1], "synthetic", [adjustments.of_relative_orientation("synthetic", "refined", wrong)]
+        own[1],
+        "synthetic",
+        [adjustments.of_relative_orientation("synthetic", "refined", wrong)],
+        flight=flights.read(own[0]),
     )
     rms = {}
     for refine in ("flight", "image"):
@@ -251,13 +219,6 @@ def test_heads_refined_by_each_images_tie_points_fit_better(rendered, own):
         d = misfit(image(folder, "E0"), pictured.scene(1))
         rms[refine] = np.sqrt(np.mean(d**2))
     assert rms["image"] < 0.3 * rms["flight"]
-
-
-def test_progress_is_told_to_the_last_row(rendered):
-    told = []
-    rendered(tell=lambda *said: told.append(said))
-    assert told[:2] == [("E0", 0, 3000), ("E1", 0, 3000)]  # the size is known when it is read
-    assert told[-1] == ("E1", 375, 375)
 
 
 @pytest.mark.slow
@@ -278,27 +239,6 @@ def test_two_processes_render_the_same_bytes(rendered, made, tmp_path):
     for name in ("E0.tif", "E1.tif", "images.csv"):
         assert (tmp_path / "two" / name).read_bytes() == (folder / name).read_bytes()
     assert {name for name, done, total in told if done == total} == {"E0", "E1"}
-
-
-@pytest.mark.repeats
-@pytest.mark.slow
-def test_a_cluster_of_two_workers_renders_the_same_bytes(rendered, made, tmp_path):
-    folder, _ = rendered()
-    with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
-        ) as cluster,
-        cluster.get_client() as client,
-    ):
-        report = render_flight(
-            flights.read(made[0]),
-            made[1],
-            tmp_path / "cluster",
-            executor=client.get_executor(pure=False),
-        )
-    assert (sorted(report.rendered), report.problems) == (["E0", "E1"], ())
-    for name in ("E0.tif", "E1.tif", "images.csv"):
-        assert (tmp_path / "cluster" / name).read_bytes() == (folder / name).read_bytes()
 
 
 # --- heads as bands of one image, in stripes -------------------------------------------------

@@ -1,8 +1,6 @@
 """Images from files of every kind, and what is said of those that are none."""
 
 import contextlib
-import struct
-import sys
 
 import cv2
 import numpy as np
@@ -12,7 +10,6 @@ import tifffile
 from acx4files.images.image_files import fingerprint, image_from_file
 from acx4lib.errors import FlightError
 from acx4lib.geometry.camera import Camera, Interior
-from acx4lib.synthetic_image.head_map import mapped_file
 
 CAMERA = Camera(name="CAM1", width_px=120, height_px=90, pixel_mm=0.006, interior=Interior(f=74.0))
 GOOD = "uncompressed"
@@ -78,33 +75,6 @@ def test_separate_bands_are_put_together(tmp_path, rng, bands, compression):
     np.testing.assert_array_equal(image_from_file(path, CAMERA).image, image)
 
 
-def test_an_image_of_two_dimensions_has_one_band(tmp_path, rng):
-    image = picture(rng, bands=1)
-    path = write(tmp_path / "x.tif", image[..., 0])
-    np.testing.assert_array_equal(image_from_file(path, CAMERA).image, image)
-
-
-def test_only_what_lies_as_in_memory_is_mapped(tmp_path, rng):
-    image = picture(rng)
-    foreign = {"little": "big-endian", "big": "little-endian"}[sys.byteorder]
-    mapped = {
-        name: mapped_file(image_from_file(write(tmp_path / "x.tif", image, **how), CAMERA).image)
-        is not None
-        for name, how in LAYOUTS.items()
-    }
-    assert {name for name, one in mapped.items() if not one} == {
-        *("tiled", "deflate", "lzw", "zstd", foreign)
-    }
-
-
-def test_overviews_are_no_further_images(tmp_path, rng):
-    image = picture(rng)
-    with tifffile.TiffWriter(tmp_path / "x.tif") as tiff:
-        tiff.write(image, photometric="rgb", metadata=None)
-        tiff.write(image[::2, ::2], photometric="rgb", subfiletype=1, metadata=None)
-    np.testing.assert_array_equal(image_from_file(tmp_path / "x.tif", CAMERA).image, image)
-
-
 @pytest.mark.parametrize("k", [1, 2, 7])
 def test_an_image_at_a_whole_part_of_the_size_says_which(tmp_path, rng, k):
     path = write(tmp_path / "x.tif", picture(rng, shape=(90 // k, 120 // k)))
@@ -128,45 +98,10 @@ def test_other_types_of_pixels_are_named(tmp_path, dtype):
     )
 
 
-def test_transparency_is_no_near_infrared(tmp_path, rng):
-    image = picture(rng, bands=4)
-    for meaning in ("unassalpha", "assocalpha"):
-        says = refused(write(tmp_path / "x.tif", image, photometric="rgb", extrasamples=[meaning]))
-        assert says.startswith("has a band of transparency (alpha)")
-    write(tmp_path / "x.tif", image, photometric="rgb", extrasamples=["unspecified"])
-    np.testing.assert_array_equal(image_from_file(tmp_path / "x.tif", CAMERA).image, image)
-
-
-def test_what_is_not_grey_or_rgb_is_named(tmp_path, rng):
-    grey = picture(rng, bands=1, dtype="uint8")[..., 0]
-    path = write(tmp_path / "x.tif", grey, photometric="miniswhite")
-    assert "white as zero" in refused(path)
-    path = write(tmp_path / "x.tif", grey, photometric="palette", colormap=np.zeros((3, 256), "u2"))
-    assert "a colour palette" in refused(path)
-    path = write(tmp_path / "x.tif", picture(rng, bands=4), photometric="separated")
-    assert "CMYK" in refused(path)
-    path = write(tmp_path / "x.tif", grey, photometric="cfa")
-    assert "a Bayer pattern" in refused(path)
-
-
 def test_an_image_to_be_shown_turned_is_refused(tmp_path, rng):
     how = {"extratags": [(274, "H", 1, 3, True)], "metadata": None}
     says = refused(write(tmp_path / "x.tif", picture(rng), **how))
     assert says == "is to be shown turned (orientation 3); store the pixels as shown"
-
-
-def test_bands_as_pages_are_refused(tmp_path, rng):
-    with tifffile.TiffWriter(tmp_path / "x.tif") as tiff:
-        for _ in range(3):
-            tiff.write(picture(rng, bands=1)[..., 0], metadata=None)
-    assert refused(tmp_path / "x.tif") == "holds 3 images; all bands must be in one"
-
-
-def test_five_bands_are_refused(tmp_path, rng):
-    path = write(
-        tmp_path / "x.tif", picture(rng, bands=5), photometric="minisblack", planarconfig="contig"
-    )
-    assert refused(path) == "has 5 bands; one to 4 are read"
 
 
 @pytest.mark.parametrize(("suffix", "says"), [("jpg", "a JPEG image"), ("png", "a PNG image")])
@@ -196,14 +131,6 @@ def test_a_file_cut_off_anywhere_is_one_sentence(tmp_path, rng, how, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_an_uncompressed_file_cut_off_says_by_how_much(tmp_path, rng):
-    path = write(tmp_path / "x.tif", picture(rng), metadata=None)
-    whole = path.read_bytes()
-    path.write_bytes(whole[:-1000])
-    says = f"ends after {len(whole) - 1000} bytes of at least {len(whole)}"
-    assert refused(path) == f"{says}; was the copying interrupted?"
-
-
 @pytest.mark.parametrize("how", [LAYOUTS["deflate"], LAYOUTS["lzw"], LAYOUTS["zstd"], {}])
 def test_wrong_bytes_give_pixels_or_a_sentence(tmp_path, rng, how, capfd):
     """Nothing else, wherever they are: no other exception, no message, no image of other size."""
@@ -219,19 +146,6 @@ def test_wrong_bytes_give_pixels_or_a_sentence(tmp_path, rng, how, capfd):
             assert found.image.shape[:2] == (90 // found.reduction, 120 // found.reduction)
             assert found.image.shape[2] <= 4
     assert capfd.readouterr() == ("", "")
-
-
-def test_strips_that_were_never_written_are_found(tmp_path, rng):
-    path = write(
-        tmp_path / "x.tif", picture(rng), metadata=None, compression="deflate", tile=(32, 32)
-    )
-    with tifffile.TiffFile(path) as tiff:
-        tag = tiff.pages.first.tags["TileByteCounts"]
-        at, kind = tag.valueoffset, {3: "H", 4: "I"}[tag.dtype]
-    damaged = bytearray(path.read_bytes())
-    damaged[at : at + struct.calcsize(kind)] = bytes(struct.calcsize(kind))
-    path.write_bytes(damaged)
-    assert refused(path) == "has parts without pixels; was the writing interrupted?"
 
 
 def test_a_fingerprint_is_of_the_content_alone(tmp_path, rng):

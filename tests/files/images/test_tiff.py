@@ -88,14 +88,6 @@ def test_gdal_reads_what_was_written(tmp_path, rng, geo, compression, bands, dty
     assert {path.name for path in tmp_path.iterdir()} == {"x.tif"}
 
 
-def test_gdal_knows_the_bands_and_takes_none_for_transparency(tmp_path, rng, geo):
-    names = {1: ["gray"], 3: ["red", "green", "blue"], 4: ["red", "green", "blue", "undefined"]}
-    for bands, expected in names.items():
-        write(tmp_path / "x.tif", stripes(picture(rng, bands)), form(bands), ABOUT)
-        with geo(tmp_path / "x.tif") as found:
-            assert [colour.name for colour in found.colorinterp] == expected
-
-
 def test_gdals_overviews_are_means_of_what_was_seen(tmp_path, rng, geo):
     image = picture(rng)
     write(tmp_path / "x.tif", stripes(image, 77), form(), ABOUT)
@@ -128,11 +120,6 @@ def test_halved_is_the_rounded_mean(rng, dtype, bands, shape):
     np.testing.assert_array_equal(halved(bright), means(bright))
 
 
-def test_levels_end_where_a_tile_holds_all():
-    assert level_sizes(16200, 12000, 512)[-1] == (507, 375)
-    assert level_sizes(512, 512, 512) == [(512, 512)]
-
-
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("compression", ["none", "deflate", "lzw"])
 @pytest.mark.parametrize(("bands", "dtype"), [(1, "uint16"), (3, "uint16"), (4, "uint8")])
@@ -159,12 +146,6 @@ def test_tifffile_reads_a_bigtiff_and_its_levels(tmp_path, rng):
     assert read_about(tmp_path / "x.tif") == ABOUT
 
 
-def test_deflate_is_the_one_of_the_standard(tmp_path, rng):
-    write(tmp_path / "x.tif", stripes(picture(rng)), form(compression="deflate"), ABOUT)
-    with tifffile.TiffFile(tmp_path / "x.tif") as found:
-        assert {int(page.compression) for page in found.pages} == {8}
-
-
 @pytest.mark.parametrize("compression", COMPRESSIONS)
 def test_bytes_depend_on_the_pixels_alone(tmp_path, rng, compression):
     image = picture(rng)
@@ -174,14 +155,6 @@ def test_bytes_depend_on_the_pixels_alone(tmp_path, rng, compression):
     first = (tmp_path / "a.tif").read_bytes()
     assert (tmp_path / "b.tif").read_bytes() == first
     assert (tmp_path / "c.tif").read_bytes() == first
-
-
-@pytest.mark.parametrize("shape", [(1, 1), (3, 700), (512, 512), (513, 511)])
-def test_any_size_can_be_written(tmp_path, rng, geo, shape):
-    image = picture(rng, 3, "uint16", shape) | 1
-    write(tmp_path / "x.tif", stripes(image, 100), form(shape=shape), ABOUT)
-    with geo(tmp_path / "x.tif") as found:
-        np.testing.assert_array_equal(np.moveaxis(found.read(), 0, -1), image)
 
 
 def test_an_image_that_breaks_off_leaves_the_earlier_one(tmp_path, rng):
@@ -232,14 +205,6 @@ def test_no_room_leaves_nothing(tmp_path, limit):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_that_is_none_says_nothing_of_itself(tmp_path, rng):
-    assert read_about(tmp_path / "x.tif") == {}
-    (tmp_path / "x.tif").write_text("no image")
-    assert read_about(tmp_path / "x.tif") == {}
-    tifffile.imwrite(tmp_path / "x.tif", picture(rng), photometric="rgb")
-    assert "exposure" not in read_about(tmp_path / "x.tif")
-
-
 def test_a_preview_is_small_stretched_and_of_the_same_scene(tmp_path):
     """Grey values rise from left to right in a narrow range, and from dark to bright in it."""
     rows, cols = 2600, 1900
@@ -255,20 +220,3 @@ def test_a_preview_is_small_stretched_and_of_the_same_scene(tmp_path):
     assert middle[-20:].min() > 240
     light = middle[200:1400, 1] ** GAMMA
     assert np.corrcoef(np.arange(200, 1400), light)[0, 1] > 0.999
-
-
-@pytest.mark.parametrize("bands", [1, 2, 4])
-def test_small_images_of_any_bands_have_a_preview(tmp_path, rng, bands):
-    image = picture(rng, bands, "uint16", (60, 50))[..., :bands] | 1
-    write(tmp_path / "x.tif", stripes(image), form(bands, shape=(60, 50)), ABOUT)
-    write_preview(tmp_path / "x.jpg", tmp_path / "x.tif")
-    assert cv2.imread(str(tmp_path / "x.jpg")).shape == (60, 50, 3)
-
-
-def test_a_form_that_cannot_be_written_is_refused():
-    with pytest.raises(ValueError, match="compression 'jpeg' is none of none, deflate, zstd, lzw"):
-        form(compression="jpeg")
-    with pytest.raises(ValueError, match="not 5 of uint16"):
-        form(bands=5)
-    with pytest.raises(ValueError, match="not 3 of float32"):
-        form(dtype="float32")

@@ -13,7 +13,6 @@ from acx4files.flight.reader import read
 from acx4files.measuring.levels import (
     COARSE_PX,
     STEP_DOWN,
-    MeasureOptions,
     corners,
     overlapping,
     sizes_of,
@@ -27,8 +26,6 @@ from acx4files.measuring.measure import (
 )
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.mounting import single_step
-from acx4lib.errors import FlightError
-from acx4lib.geometry.frames import Pose
 from support.pictures import measured
 
 LARGEST = 0.06
@@ -76,13 +73,6 @@ def test_what_is_written_is_a_flight_with_the_same_tables(whole):
     assert not (whole.measured / "pairs").exists()
 
 
-def test_what_was_found_is_said(whole):
-    first, second, *others = whole.outcome.sentences
-    assert "tie points with" in first
-    assert "surveyed points found" in second
-    assert all("not found in" in line for line in others)
-
-
 @pytest.mark.repeats
 def test_the_same_pictures_give_the_same_bytes_whoever_matches(whole, tmp_path):
     from concurrent.futures import ThreadPoolExecutor  # noqa: PLC0415 here alone
@@ -91,12 +81,6 @@ def test_the_same_pictures_give_the_same_bytes_whoever_matches(whole, tmp_path):
         measure_flight(whole.flight, tmp_path / "again", executor=pool)
     name = "calibration/image_points.csv"
     assert (tmp_path / "again" / name).read_bytes() == (whole.measured / name).read_bytes()
-
-
-@pytest.mark.repeats
-def test_a_ground_at_a_wrong_height_does_no_harm(whole, tmp_path):
-    measure_flight(whole.flight, tmp_path / "out", options=MeasureOptions(ground_m=-9000.0))
-    assert measured.tie_errors(tmp_path / "out").rms < LARGEST
 
 
 @pytest.mark.repeats
@@ -165,17 +149,8 @@ def test_every_cell_has_one_corner_away_from_the_border(views):
     assert len(cells) >= 16
 
 
-def moved(view, by):
-    return replace(view, T_m_c=Pose(R=view.T_m_c.R, r=view.T_m_c.r + by))
-
-
 def test_neighbours_opposite_and_crossing_strips_overlap(views, surface):
     assert overlapping(views, surface) == [(i, j) for i in range(3) for j in range(i + 1, 3)]
-
-
-def test_far_pictures_and_other_scales_do_not(views, surface):
-    far = [views[0], moved(views[0], [3000.0, 0, 0]), moved(views[0], [0, 0, 5000.0])]
-    assert overlapping(far, surface) == []
 
 
 def test_levels_grow_by_no_more_than_a_step_to_the_size_asked_for(views):
@@ -186,26 +161,6 @@ def test_levels_grow_by_no_more_than_a_step_to_the_size_asked_for(views):
         assert 11608 / factors[0] <= COARSE_PX * 1.01
         steps = np.array(factors[:-1]) / factors[1:]
         assert np.all((steps > 1) & (steps <= STEP_DOWN + 1))
-
-
-def test_pictures_that_are_small_have_one_level(views):
-    assert sizes_of([replace(view, shrink=16) for view in views], 1) == [[16] * 3]
-
-
-def test_options_are_checked():
-    with pytest.raises(ValueError, match="points"):
-        MeasureOptions(points=5)
-    with pytest.raises(ValueError, match="reduce"):
-        MeasureOptions(reduce=0)
-
-
-def test_the_last_level_knows_most(whole):
-    matched = whole.outcome.matched
-    assert matched.reduced == 1
-    rays = matched.rays
-    half = replace(matched, rays=rays[: len(rays) // 2])
-    assert matched.weight > half.weight
-    assert matched.weight == pytest.approx(np.sum((6 * rays.sigma_px) ** -2.0))
 
 
 # --- Reading and writing a flight that is measured
@@ -223,11 +178,6 @@ def test_image_points_may_be_missing_or_empty(own):
         assert len(read_unmeasured(own).flight.calibration.image_points) == 0
 
 
-def test_control_points_may_be_missing(own):
-    (own / "control_points.csv").unlink()
-    assert len(read_unmeasured(own).tables["calibration"].control) == 0
-
-
 def test_measurements_that_are_there_are_kept(whole, own):
     known = whole.outcome.surveyed.rows[0]
     place = f"{known.image},{known.point},{known.col_px},{known.row_px}"
@@ -235,39 +185,3 @@ def test_measurements_that_are_there_are_kept(whole, own):
     (own / "calibration" / "image_points.csv").write_text(table)
     (row,) = _given(read_unmeasured(own).tables["calibration"], 0.4)
     assert (row.image, row.point, row.sigma_px) == (known.image, known.point, 0.7)
-
-
-def test_what_is_wrong_in_a_table_is_said_with_its_line(own):
-    (own / "calibration" / "image_points.csv").write_text("image,point,col_px,row_px\nX,P,1,2\n")
-    with pytest.raises(FlightError, match=r"image_points.csv:2: image: 'X' is unknown"):
-        read_unmeasured(own)
-
-
-def test_a_block_without_pictures_and_measurements_is_refused(own):
-    images = own / "calibration" / "images.csv"
-    lines = [line.rsplit(",", 1)[0] for line in images.read_text().splitlines()]
-    images.unlink()
-    images.write_text("\n".join(lines) + "\n")
-    with pytest.raises(FlightError, match=r"images.csv: column file: names no picture"):
-        read_unmeasured(own)
-
-
-def test_a_flight_that_is_measured_already_and_has_no_picture_is_refused(own):
-    images = own / "calibration" / "images.csv"
-    header, first, *_ = images.read_text().splitlines()
-    image = first.partition(",")[0]
-    for table, text in (
-        (images, "\n".join(line.rsplit(",", 1)[0] for line in (header, first))),
-        (own / "calibration" / "image_points.csv", f"image,point,col_px,row_px\n{image},P,1,1"),
-    ):
-        table.unlink(missing_ok=True)
-        table.write_text(f"{text}\n")
-    with pytest.raises(FlightError, match=r"images.csv: column file: names no picture"):
-        read_unmeasured(own)
-
-
-def test_a_folder_without_blocks_is_refused(tmp_path):
-    with pytest.raises(FlightError, match="nowhere: no such folder; expected the folder of a"):
-        read_unmeasured(tmp_path / "nowhere")
-    with pytest.raises(FlightError, match="no block to measure; a flight has heads/"):
-        read_unmeasured(tmp_path)

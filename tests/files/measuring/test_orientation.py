@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 import pytest
 
-from acx4files.flight import reader
 from acx4files.measuring.measure import measure_flight, read_unmeasured, views_of
 from acx4files.measuring.orientation import oriented_by_features
 from acx4files.measuring.oriented import TieRays, approximate, chosen, joined, refined
@@ -76,13 +75,6 @@ def test_pictures_without_anything_in_common_are_refused(whole, tmp_path):
         measure_flight(own, tmp_path / "out")
 
 
-def test_pictures_of_one_exposure_are_refused(whole):
-    block = reader.read(whole.measured).block("calibration")
-    one = select_images(block, block.images.exposure_idx == block.images.exposure_idx[0])
-    with pytest.raises(FlightError, match="of one exposure, whose rays meet nowhere"):
-        oriented_by_features(one, [], executor=None, tell=lambda *_: None)
-
-
 # --- Oriented
 
 
@@ -142,20 +134,6 @@ def test_of_two_points_on_the_same_texture_the_one_with_more_rays_stays():
     shown = np.full(7, 2)
     assert set(chosen(near, shown, apart_px=10).point) == {0, 1}
     assert set(chosen(near, shown, apart_px=2).point) == {0, 1, 2}
-
-
-def test_points_of_another_head_on_the_same_texture_stay():
-    rays = three_views(np.array([0, 1, 0]))
-    assert rays.of_head.tolist() == [True, False, True, True, False, True, False]
-    shown = np.full(7, 2)
-    assert set(chosen(rays, shown, apart_px=60).point) == {0, 1, 2}
-    assert set(chosen(three_views(), shown, apart_px=60).point) == {0, 1}
-
-
-def test_nothing_found_is_no_point():
-    rays = joined(AT, {}, ONE_CAMERA)
-    assert len(rays) == 0
-    assert len(chosen(rays, np.zeros(0, int), apart_px=10)) == 0
 
 
 def block_and_views(whole):

@@ -7,12 +7,9 @@ from dataclasses import replace
 import matplotlib as mpl
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
 
 from acx4book.chapters.mounting import figures, held
-from acx4book.chapters.mounting.figures import image_redundancy, weak_places
 from acx4lib import design
-from acx4lib.bundle.reliability import reliability
 from acx4lib.calibration.estimates import from_bundle
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.geometry.collinearity import project
@@ -33,48 +30,6 @@ def single_step(mounted):
 def drawn(fig):
     fig.canvas.draw()
     return fig
-
-
-def marks(ax):
-    """Return places and values of scattered marks."""
-    return [(np.asarray(c.get_offsets()), np.asarray(c.get_array())) for c in ax.collections]
-
-
-def test_points_have_the_largest_detectable_error_of_their_rays(single_step):
-    left = drawn(weak_places(single_step)).axes[0]
-    ((at, value),) = marks(left)
-    network = single_step.bundle.network
-    detectable = reliability(single_step.bundle.solution.group("image_point")).detectable
-    points = network.image_points.point_idx
-    expected = [detectable[points == p].max() for p in np.unique(points)]
-    assert_allclose(np.sort(value), np.sort(np.clip(expected, 2.0, 20.0)), rtol=1e-12)
-    assert np.all(np.diff(value) >= 0)  # the weak ones are drawn last
-    place = network.block.frame.to_grid(single_step.bundle.state.x_m[points])[:, :2] / 1000
-    low, high = place.min(axis=0), place.max(axis=0)
-    assert_allclose([at.min(axis=0), at.max(axis=0)], [low, high])
-
-
-def test_control_and_positions_have_their_worst_coordinate(single_step):
-    right = drawn(weak_places(single_step)).axes[1]
-    for (_, value), kind in zip(marks(right), ("gnss", "control_point"), strict=True):
-        detectable = reliability(single_step.bundle.solution.group(kind)).detectable
-        assert_allclose(value, detectable.max(axis=1))
-
-
-def test_the_image_plane_has_the_mean_redundancy_of_its_cells(single_step):
-    fig = drawn(image_redundancy(single_step))
-    points = single_step.bundle.network.image_points
-    r = single_step.bundle.solution.group("image_point").redundancy
-    for d, ax in enumerate(fig.axes[:2]):
-        (image,) = ax.images
-        size = 4000 / 16
-        shown = image.get_array()
-        assert shown.shape == (12, 16)
-        row, col = np.unravel_index(np.nanargmin(np.ma.filled(shown, np.nan)), shown.shape)
-        inside = np.all(points.colrow // size == [col, row], axis=1)
-        assert inside.sum() >= 3
-        assert shown[row, col] == pytest.approx(r[inside, d].mean())
-        assert ax.get_ylim() == (3000, 0)  # rows count downwards
 
 
 # --- The block in space shows the adjusted block, in metres
@@ -111,14 +66,6 @@ def test_every_image_has_a_pyramid_whose_corners_are_those_of_the_image(mounted,
 
 def ties(mounted):
     return np.setdiff1d(mounted.network.image_points.point_idx, mounted.network.control.point_idx)
-
-
-def test_rays_lead_from_all_images_of_a_point_to_it(mounted, layers):
-    (rays,) = named(layers, "the ")
-    ends = at(rays).reshape(-1, 2, 3)
-    assert np.ptp(ends[:, 1], axis=0) == pytest.approx(0.0)
-    seen = mounted.network.image_points.point_idx
-    assert len(ends) == np.bincount(seen)[ties(mounted)].max()
 
 
 def test_ellipsoids_are_the_covariances_of_tie_points(mounted, layers):
@@ -165,10 +112,3 @@ def test_the_error_on_the_ground_is_straight_and_nearly_zero_between_the_heights
         for at in (0, -1):
             cameras = (method.calibration.cameras[0] for method in (two, single))
             assert y[at] == pytest.approx(100 * held.off_ground(*cameras, x[at])[axis])
-
-
-def test_of_several_cameras_there_is_none(mountings):
-    single = mountings["single_step"]
-    two = replace(single.calibration, cameras=single.calibration.cameras * 2)
-    fig = held.over_heights(mountings["two_step_gnss"], replace(single, calibration=two))
-    assert "one camera" in drawn(fig).axes[0].texts[0].get_text()

@@ -1,28 +1,20 @@
 """Tables of chapter 3: what they have is what the library computed, in the units they name."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.chapters.mounting import tables
 from acx4book.paper import printed
-from acx4book.typesetting.myst import LABELS
 from acx4lib import design
 from acx4lib.attempts import attempt
-from acx4lib.bundle.rejections import noncentrality
-from acx4lib.calibration import mounting
 from acx4lib.calibration.determination import (
     absorption,
-    detectable,
     nested_f_ratio,
     parameter_correlations,
-    strong_correlations,
 )
 from acx4lib.calibration.estimates import group_tests, undistorted
 from acx4lib.calibration.mounting import single_step
-from support import blocks
 
 # --- what is determined together -------------------------------------------------------------
 
@@ -30,30 +22,6 @@ from support import blocks
 @pytest.fixture(scope="module")
 def radial(noisy_block):
     return single_step(noisy_block, free=("f", "xp", "yp", "k1", "k2", "k3"))
-
-
-def test_a_method_has_its_condition_and_its_correlations(radial):
-    (row,) = tables.determination({"single-step": radial}).to_dict("records")
-    assert row["Method"] == "single-step"
-    power = f"{radial.bundle.solution.condition:.0e}"
-    assert row["Condition"].startswith(power[0] + "·10")
-    pair = strong_correlations(radial.calibration)[0]
-    assert {pair.row, pair.column} <= {"CAM/k1", "CAM/k2", "CAM/k3"}
-    assert row["Correlations above 0.9"].startswith(
-        f"{LABELS[pair.row[4:]]}, {LABELS[pair.column[4:]]} {pair.correlation:+.2f}".replace(
-            "-", "\N{MINUS SIGN}"
-        )
-    )
-    assert row["Weakest combination"].split("; ")[0].endswith(" %")
-    assert "CAM" not in row["Weakest combination"]
-
-
-def test_several_cameras_are_told_apart():
-    aft = replace(blocks.CAMERA, name="AFT")
-    two = single_step(blocks.standard(cameras=(blocks.CAMERA, aft)), free=("k1", "k2"))
-    (row,) = tables.determination({"single-step": two}).to_dict("records")
-    listed = row["Correlations above 0.9"].split("; ")
-    assert "CAM $k_1$, CAM $k_2$" in listed[0] or "AFT $k_1$, AFT $k_2$" in listed[0]
 
 
 def test_correlations_are_those_of_the_covariance(mountings):
@@ -97,54 +65,6 @@ def test_single_tests_hide_what_the_radial_parameters_are_together(joint):
     assert np.sqrt(3 * radial["F"]) > 3 * radial["largest single t"]
 
 
-# --- how well observations control each other ------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def reliability(mounted):
-    return tables.reliability(mounted, detectable(mounted))
-
-
-def test_every_component_has_a_row_with_its_unit(reliability):
-    assert list(reliability["Observation"]) == [
-        "Image points, col (px)",
-        "Image points, row (px)",
-        "Control points, east (m)",
-        "Control points, north (m)",
-        "Control points, height (m)",
-        "GNSS positions, east (m)",
-        "GNSS positions, north (m)",
-        "GNSS positions, height (m)",
-        "Attitudes, roll (°)",
-        "Attitudes, pitch (°)",
-        "Attitudes, heading (°)",
-    ]
-    assert list(reliability["Number"])[2:] == [9] * 3 + [12] * 6
-
-
-def test_attitudes_are_in_degrees(reliability):
-    heading = reliability.iloc[-1]
-    expected = noncentrality() * 0.008 / np.sqrt(heading["Median"])
-    assert heading["Detectable, median"] == pytest.approx(expected, rel=0.01)
-
-
-def test_what_was_taken_out_does_not_count(mounted):
-    groups = list(mounted.solution.groups)
-    gnss = groups[2]
-    redundancy = gnss.redundancy.copy()
-    redundancy[3] = np.nan
-    groups[2] = replace(gnss, redundancy=redundancy)
-    without = replace(mounted, solution=replace(mounted.solution, groups=tuple(groups)))
-    assert list(tables.reliability(without, detectable(without))["Number"])[5:8] == [11] * 3
-
-
-def test_the_share_of_the_poorly_controlled_is_in_per_cent(mounted, reliability):
-    r = mounted.solution.group("control_point").redundancy[:, 2]
-    row = reliability[reliability["Observation"] == "Control points, height (m)"].iloc[0]
-    assert row["Below 0.1 (%)"] == pytest.approx(100 * np.mean(r < 0.1))
-    assert row["Redundancy, least"] == r.min()
-
-
 # --- the lever arm that the interior orientation took up ---------------------------------------
 
 
@@ -163,11 +83,6 @@ def test_least_squares_reads_the_lever_arm_that_the_mean_height_misses(seen):
     assert np.all(np.abs(seen["Difference (mm)"] - seen["Expected (mm)"]) < 1e-4)
 
 
-def test_methods_that_share_their_data_are_not_two_opinions(seen):
-    """The sigma of their difference is a fortieth of what either has."""
-    assert np.all(1e-3 * seen["σ of the difference (mm)"] < seen["σ of it (m)"] / 20)
-
-
 def test_effective_heights_lie_above_the_mean_height(seen):
     """They were 1411, 1362 and 1286 m for z, x, y where Table 3's lever arm is read as printed."""
     assert np.all(seen["Effective height (m)"] > 1250)
@@ -178,21 +93,6 @@ def test_all_components_together_are_within_chance(mountings):
     found = tables.chi_square_seen(absorption(mountings))
     assert found["degrees"] == 3
     assert found["p"] > 0.001
-
-
-def test_the_lever_arm_that_the_two_step_method_lacks_matters_here(mountings):
-    told = tables.taken_up(mountings, absorption(mountings))
-    assert told["matters"]
-    assert told["rest_um"] < 0.1
-    assert [name for name, _ in told["shifts"]] == ["$f$", "$x_p$", "$y_p$"]
-
-
-def test_a_missing_method_leaves_nothing_to_compare(mountings):
-    alone = mounting.Mountings(methods={"single_step": mountings["single_step"]}, failures={})
-    found = absorption(alone)
-    assert tables.lever_arm_seen(alone, found).empty
-    assert tables.chi_square_seen(found) == {}
-    assert not tables.taken_up(alone, found)["matters"]
 
 
 # --- image by image, and with something else ---------------------------------------------------
@@ -244,17 +144,3 @@ def test_the_map_grid_as_cartesian_bends_the_focal_length_and_not_the_variance(v
     assert f["grid"] - f["as flown"] == pytest.approx(0.0083, abs=0.005)
     variance = variants["variance of unit weight", ""]
     assert variance["grid"] == pytest.approx(variance["as flown"], abs=0.01)
-
-
-def test_a_variant_without_an_outcome_has_an_empty_row_and_one_without_effect_has_none(noisy_block):
-    nothing_seen = replace(noisy_block, image_points=noisy_block.image_points[:0])
-    good = single_step(noisy_block, free=("f",))
-    table = tables.variants(
-        {
-            "good": good,
-            "the same": good,
-            "failed": attempt(single_step, nothing_seen, free=("f",)),
-        }
-    )
-    assert list(table.index) == ["good", "failed"]
-    assert np.isnan(table["variance of unit weight", ""]["failed"])

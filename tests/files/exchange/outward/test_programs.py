@@ -1,7 +1,6 @@
 """Exports to each program, read again by our own formulas of it."""
 
 import csv
-from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -64,15 +63,6 @@ def test_colmaps_rig_takes_points_of_the_reference_into_the_other_head(shown, mo
         x_c = pose * (shown.x_r[head] * [1, -1, -1])
         seen = camera.img_from_cam(np.asarray(x_c))
         agrees(seen - CORNER, shown.colrow[shown.first_images()[head]], made.lenses[head])
-
-
-def test_frames_have_the_pose_of_the_reference_where_it_took_no_image(shown):
-    """The rig's pose is the trajectory's, whichever heads exposed."""
-    lines = KINDS["colmap"].oriented(shown.found, shown.oriented).files["frames.txt"].splitlines()
-    images = KINDS["colmap"].oriented(shown.found, shown.oriented).files["images.txt"].splitlines()
-    pose_of = {line.split()[-1]: line.split()[1:8] for line in images if line}
-    reference = [name for name, head in shown.head.items() if head == "LEFT"]
-    assert [line.split()[2:9] for line in lines] == [pose_of[name] for name in reference]
 
 
 # --- A chunk projected by the formulas of Metashape's manual, written anew here --------------
@@ -318,13 +308,6 @@ def ahead(camera):
     return 100 * np.column_stack([x, y, np.full(81, -camera.interior.f)]) / camera.interior.f
 
 
-def test_a_single_camera_has_no_other_head(single):
-    made = KINDS["opencv"].cameras(content.read(single))
-    assert list(made.files) == ["CAM.yaml"]
-    assert_allclose(read(made.files["CAM.yaml"])["R"], np.eye(3))
-    assert not any("R and T" in sentence for sentence in made.assumed)
-
-
 def test_a_camera_comes_back_from_its_file(shown):
     """To twice what the refit loses, and its digits."""
     made = KINDS["opencv"].cameras(shown.found)
@@ -340,34 +323,6 @@ def test_a_camera_comes_back_from_its_file(shown):
         ]
         apart = np.linalg.norm(rays[0] - rays[1], axis=1).max() * camera.interior.f / 0.005
         assert apart <= 2.1 * made.lenses[camera.name].largest_px + 1e-6
-
-
-# --- names that COLMAP cuts
-
-
-def with_a_blank(oriented):
-    """Return orientations of which the first image is called "a b"."""
-    images = replace(oriented.block.images, names=("a b", *oriented.block.images.names[1:]))
-    return replace(oriented, block=replace(oriented.block, images=images))
-
-
-def test_names_that_colmap_cuts_at_their_blank_are_told(shown, tmp_path):
-    assert not any(
-        "blank" in line for line in written_for_colmap(shown, shown.oriented, tmp_path).left_out
-    )
-    taken = written_for_colmap(shown, with_a_blank(shown.oriented), tmp_path)
-    assert taken.left_out[-1].startswith("what follows a blank in the names of 1 image: COLMAP")
-    assert "'a' of 'a b'" in taken.left_out[-1]
-    read = pycolmap.Reconstruction(tmp_path)
-    assert "a" in [image.name for image in read.images.values()]
-
-
-def written_for_colmap(shown, oriented, folder):
-    """Return what is written for COLMAP, which is in the folder then."""
-    taken = KINDS["colmap"].oriented(shown.found, oriented)
-    for name, text in taken.files.items():
-        (folder / name).write_text(text)
-    return taken
 
 
 # --- What is exported is read back by the importers: lenses, rigs, orientations, to rounding

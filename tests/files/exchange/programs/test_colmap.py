@@ -67,12 +67,6 @@ def test_adjusted_orientations_are_those_of_the_model(tmp_path):
     assert any("east, north and ellipsoidal height" in one for one in brought.assumed)
 
 
-def test_each_image_is_an_exposure_without_frames(tmp_path):
-    brought = reading.read(colmap.write_text(tmp_path / "m", rig=False))
-    images = brought.tables["calibration/images.csv"]
-    assert images["exposure"] == images["image"]
-
-
 def test_colmap_s_own_code_writes_what_is_read(tmp_path):
     pycolmap = pytest.importorskip("pycolmap", reason="environment-test.txt has it")
     folder = colmap.write_binary(tmp_path / "m")
@@ -101,27 +95,6 @@ def test_a_binary_file_that_is_cut_off_is_told(tmp_path, file):
         reading.read(folder)
 
 
-def test_a_model_of_known_poses_has_an_empty_file_of_points(tmp_path):
-    """As COLMAP's manual makes them: points3D.txt without content."""
-    folder = colmap.write_text(tmp_path / "m")
-    (folder / "points3D.txt").write_text("")
-    brought = reading.read(folder)
-    assert any(one.endswith("of points that the model has not") for one in brought.left_out)
-    (folder / "images.txt").write_text("")
-    with pytest.raises(FlightError, match=r"images\.txt:1: file: is empty"):
-        reading.read(folder)
-
-
-def test_a_folder_without_a_model_is_told_where_one_is(tmp_path):
-    colmap.write_text(tmp_path / "sparse" / "0")
-    with pytest.raises(
-        FlightError, match=r"has neither cameras.bin nor cameras.txt \(.*0 has them"
-    ):
-        reading.read(tmp_path)
-    with pytest.raises(FlightError, match="--crs: missing; adjusted orientations need"):
-        reading.read(tmp_path / "sparse" / "0", orientations="adjusted")
-
-
 @needs("formats/colmap")
 @pytest.mark.parametrize("form", ["txt", "bin"])
 def test_eleven_pictures_are_met_as_colmap_meets_them(form):
@@ -130,15 +103,3 @@ def test_eleven_pictures_are_met_as_colmap_meets_them(form):
     assert rms(brought) == pytest.approx(0.797, abs=0.002)
     assert len(brought.tables["calibration/images.csv"]["image"]) == 11
     assert "79314 measurements that belong to no point" in brought.left_out
-
-
-@pytest.mark.parametrize("write", [colmap.write_text, colmap.write_binary])
-def test_cameras_alone_are_brought_with_their_rig(tmp_path, write):
-    folder = write(tmp_path / "m")
-    whole = reading.read(folder, crs=scene.CRS)
-    for path in folder.iterdir():
-        if path.stem in ("images", "points3D", "frames"):
-            path.unlink()
-    brought = reading.read(next(folder.glob("cameras.*")))
-    assert not brought.tables
-    assert brought.settings["cameras"] == whole.settings["cameras"]

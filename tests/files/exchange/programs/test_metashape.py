@@ -17,20 +17,6 @@ from support.projects import metashape, scene
 
 SAMPLE = "formats/metashape/markers_micasenses_rededge.xml"
 
-SAVED = f"""<?xml version="1.0" encoding="UTF-8"?>
-<calibration>
-  <projection>frame</projection>
-  <width>{scene.WIDTH}</width>
-  <height>{scene.HEIGHT}</height>
-  <f>{scene.F}</f>
-  <cx>{scene.CX - scene.WIDTH / 2}</cx>
-  <cy>{scene.CY - scene.HEIGHT / 2}</cy>
-  <k1>{scene.K1}</k1>
-  <k2>{scene.K2}</k2>
-  <p1>{scene.P2}</p1>
-  <p2>{scene.P1}</p2>
-  <date>2022-05-26T08:27:27Z</date>
-</calibration>"""
 
 LOCAL = 'LOCAL_CS["Local Coordinates (m)",LOCAL_DATUM["Local Datum",0],UNIT["metre",1]]'
 
@@ -120,13 +106,6 @@ def test_what_is_written_has_the_truth_to_rounding(tmp_path):
         assert_allclose(R_e_m @ body @ R_b_c[1], truth @ scene.SLAVE @ flip, atol=1e-7)
 
 
-def test_the_adjusted_calibration_is_taken(tmp_path):
-    adjusted = reading.read(metashape.write(tmp_path / "c.xml", slaves=False))
-    focal = adjusted.settings["cameras"]["head 0"]["focal_mm"]
-    assert_allclose(focal, 1450 * scene.PIXEL_MM)
-    assert "calibration/images.csv" in adjusted.tables
-
-
 def test_a_geographic_chunk_is_brought_into_its_zone(tmp_path):
     wgs = (
         'GEOGCS["WGS 84",DATUM["World Geodetic System 1984",SPHEROID["WGS 84",6378137,'
@@ -166,40 +145,12 @@ def test_without_the_program_s_own_orientations_no_trajectory_is_made_up():
     assert any(one.startswith(off) for one in brought.left_out)
 
 
-def test_a_saved_calibration_is_that_of_its_chunk(tmp_path):
-    path = tmp_path / "head 0.xml"
-    path.write_text(SAVED)
-    own = reading.read(path, pixel_um=1000 * scene.PIXEL_MM)
-    whole = reading.read(metashape.write(tmp_path / "c.xml", slaves=False))
-    table = dict(whole.settings["cameras"]["head 0"])
-    del table["mount_kappa_deg"]  # a calibration says nothing of the camera's place
-    assert set(own.settings["cameras"]["head 0"]) == set(table)
-    for key, value in table.items():
-        assert_allclose(own.settings["cameras"]["head 0"][key], value)
-    assert not own.tables
-
-
-def test_a_chunk_without_images_has_its_cameras(tmp_path):
-    path = metashape.write(tmp_path / "c.xml")
-    whole = reading.read(path)
-    text = re.sub(r"<cameras>.*</cameras>", "", path.read_text(), flags=re.DOTALL)
-    path.write_text(re.sub(r"<frames>.*</frames>", "", text, flags=re.DOTALL))
-    assert reading.read(path).settings["cameras"] == whole.settings["cameras"]
-
-
 def test_a_project_in_archives_is_the_exported_file(tmp_path):
     exported = reading.read(metashape.write(tmp_path / "c.xml"))
     packed = reading.read(metashape.write_project(tmp_path))
     assert packed.tables == exported.tables
     assert packed.settings == exported.settings
     assert next(iter(packed.sha256)) == "p.psx"
-
-
-def test_a_chunk_s_archive_alone_will_do(tmp_path):
-    metashape.write_project(tmp_path)
-    found = reading.read(tmp_path / "p.files" / "0" / "chunk.zip")
-    assert found.settings["name"] == "Chunk 1"
-    assert "heads/image_points.csv" in found.tables
 
 
 def test_two_chunks_in_one_document(tmp_path):
@@ -221,15 +172,6 @@ def without(path, pattern):
     """Take out all elements that a pattern finds."""
     path.write_text(re.sub(pattern, "", path.read_text(), flags=re.DOTALL))
     return path
-
-
-def test_a_chunk_without_a_place_is_brought_without_one(tmp_path):
-    path = without(metashape.write(tmp_path / "c.xml"), "<components>.*</components>")
-    found = reading.read(path).found
-    assert any(one.startswith("the measured locations of each marker meet") for one in found)
-    assert not any(one.startswith("the surveyed markers") for one in found)
-    with pytest.raises(FlightError, match="chunk: <transform> is missing"):
-        reading.read(path, orientations="adjusted")
 
 
 def test_local_coordinates_are_those_of_a_flight_on_no_map(tmp_path):
@@ -288,32 +230,6 @@ def test_adjusted_orientations_in_local_coordinates_are_the_maps(tmp_path):
     assert_allclose(ours, there, atol=1e-4)
 
 
-def test_a_sensor_without_images_needs_no_calibration(tmp_path):
-    path = metashape.write(tmp_path / "c.xml")
-    known = reading.read(path)
-    bare = '<sensor id="77" label="unknown"><resolution width="9" height="9"/></sensor></sensors>'
-    path.write_text(path.read_text().replace("</sensors>", bare))
-    assert reading.read(path).settings == known.settings
-
-
-def test_images_without_a_measured_orientation_do_not_come_along(tmp_path):
-    path = metashape.write(tmp_path / "c.xml")
-    path.write_text(path.read_text().replace('yaw="38.0"', ""))
-    brought = reading.read(path)
-    assert "two.jpg" not in brought.tables["heads/trajectory.csv"]["exposure"]
-    assert "slave 1" not in brought.tables["heads/images.csv"]["image"]
-    assert "2 images whose exposures are not in the trajectory" in brought.left_out
-
-
-def test_slaves_without_a_rotation_are_said(tmp_path):
-    path = metashape.write(tmp_path / "c.xml")
-    text = path.read_text()
-    begin = text.index('<sensor id="1"')
-    path.write_text(text[:begin] + re.sub("<rotation>.*?</rotation>", "", text[begin:], count=1))
-    said = "1 slaves have no rotation: their mountings are the master's"
-    assert said in reading.read(path).left_out
-
-
 def with_references(path, old, new):
     """Change the attributes of the cameras' references."""
     text = path.read_text()
@@ -341,24 +257,6 @@ def test_each_camera_s_own_accuracy_counts_in_every_spelling(tmp_path, given, si
     assert_allclose(found, np.tile(sigma, (len(table["exposure"]), 1)).T)
 
 
-def test_cameras_without_an_accuracy_of_their_own_have_the_chunk_s(tmp_path):
-    path = metashape.write(tmp_path / "c.xml")
-    path.write_text(path.read_text().replace('sxyz="0.05"', 'syaw="1" sypr="2"', 1))
-    with pytest.raises(FlightError, match="reference: has no accuracy of x, y, z"):
-        reading.read(path)
-    settings = "".join(
-        f'<property name="{name}" value="{value}"/>'
-        for name, value in (("accuracy_cameras", 10), ("accuracy_cameras_ypr", 4))
-    )
-    brought = reading.read(with_references(path, "<settings>", f"<settings>{settings}"))
-    table = brought.tables["heads/trajectory.csv"]
-    assert sorted(table["sigma_east_m"])[-2:] == [0.05, 10.0]
-    assert sorted(table["sigma_heading_deg"])[:2] == [1.0, 4.0]
-    assert sorted(table["sigma_roll_deg"])[:2] == [2.0, 4.0]
-    said = [one for one in brought.assumed if "an accuracy of their own" in one]
-    assert len(said) == 2
-
-
 def test_angles_that_are_switched_off_are_not_used(tmp_path):
     path = metashape.write(tmp_path / "c.xml")
     path.write_text(path.read_text().replace('sxyz="0.05"', 'rotation_enabled="false"', 1))
@@ -371,13 +269,3 @@ def test_angles_that_are_switched_off_are_not_used(tmp_path):
     assert len(table) == known - 3
     said = 'measured attitudes that are switched off (rotation_enabled="false"): they are not used'
     assert f"1 {said}" in brought.left_out
-
-
-def test_positions_that_are_switched_off_are_not_used(tmp_path):
-    path = metashape.write(tmp_path / "c.xml")
-    off = 'sxyz="0.05" enabled="false"'
-    brought = reading.read(with_references(path, 'sxyz="0.05" enabled="true"', off))
-    assert "heads/trajectory.csv" not in brought.tables
-    assert any(
-        one.startswith("4 measured positions, with their angles") for one in brought.left_out
-    )

@@ -48,17 +48,6 @@ def test_a_folder_becomes_a_flight(folder):
     )
 
 
-def test_orientations_without_a_crs_are_refused(folder):
-    with pytest.raises(FlightError, match="crs: adjusted orientations are in coordinates whose"):
-        micmac.read(folder, orientations="adjusted")
-
-
-def test_measurements_alone_are_read(folder):
-    brought = micmac.read(folder / "measured.xml")
-    assert brought.tables["calibration/images.csv"]["camera"] == ["CAM"]
-    assert brought.tables["calibration/image_points.csv"]["col_px"] == [500.0, 1.0]
-
-
 @pytest.mark.parametrize(
     "model", [projects_micmac.RADIAL, projects_micmac.FRASER], ids=["ModRad", "ModPhgrStd"]
 )
@@ -123,14 +112,6 @@ def test_a_camera_that_looks_down_has_the_librarys_axes(folder):
     assert_allclose(pose.r, [10, 20, 100])
 
 
-def test_points_inside_global_are_found(folder):
-    """As MicMac's manual, and the programs that write such files, have them."""
-    known = micmac.read(folder).tables
-    path = folder / "points.xml"
-    path.write_text(f'<?xml version="1.0"?>\n<Global>{path.read_text()}</Global>')
-    assert micmac.read(folder).tables == known
-
-
 def test_one_of_several_orientations_must_be_chosen(folder):
     (folder / "Ori-B").mkdir()
     for path in (folder / "Ori-A").iterdir():
@@ -140,25 +121,3 @@ def test_one_of_several_orientations_must_be_chosen(folder):
     brought = micmac.read(folder / "Ori-B", pixel_um=4.0)
     assert brought.settings["cameras"]["C"]["focal_mm"] == 8.0
     assert "control_points.csv" in brought.tables
-
-
-def test_a_calibration_lies_beside_its_orientations(folder):
-    (folder / "Ori-0").mkdir()
-    calibration = (folder / "Ori-A" / "AutoCal_C.xml").read_text()
-    (folder / "Ori-0" / "AutoCal_C.xml").write_text(calibration.replace("1000", "2000"))
-    brought = micmac.read(folder, pixel_um=4.0)
-    assert brought.settings["cameras"]["C"]["focal_mm"] == 4.0
-
-
-def test_orientations_may_hold_their_calibration(folder):
-    path = folder / "Ori-A" / "Orientation-a.JPG.xml"
-    inner = projects_micmac.FILES["Ori-A/AutoCal_C.xml"].split("InternConique>")[1]
-    interior = f"<Interne>{inner.removesuffix('</Calibration')}</Interne>"
-    text = path.read_text().replace("<FileInterne>Ori-A/AutoCal_C.xml</FileInterne>", interior)
-    for name in ("a", "b"):
-        (folder / "Ori-A" / f"Orientation-{name}.JPG.xml").write_text(text)
-    other = text.replace("<F>1000", "<F>2000")
-    (folder / "Ori-A" / "Orientation-c.JPG.xml").write_text(other)
-    images = micmac.read(folder).tables["calibration/images.csv"]
-    cameras = dict(zip(images["image"], images["camera"], strict=True))
-    assert cameras == {"a.JPG": "C", "b.JPG": "C", "c.JPG": "CAM2"}

@@ -95,21 +95,6 @@ def test_rigs_are_heads_with_their_places_in_the_rig(tmp_path):
     assert brought.tables["heads/trajectory.csv"]["exposure"] == ["i", "2.jpg", "3.jpg"]
 
 
-def test_cameras_alone_are_read(tmp_path):
-    path = tmp_path / "cameras.json"
-    path.write_text(json.dumps({"m": written.MODEL}))
-    brought = reading.read(path)
-    assert list(brought.settings["cameras"]) == ["m"]
-    assert not brought.tables
-
-
-def test_orientations_that_are_nowhere_are_refused(tmp_path):
-    whole = written.reconstruction()
-    del whole["reference_lla"]
-    with pytest.raises(FlightError, match="shots: has no measured position: the adjusted"):
-        reading.read(written.write(tmp_path / "p", whole), orientations="adjusted")
-
-
 @needs("formats")
 def test_opensfm_and_colmap_agree_on_the_same_pictures():
     """Two adjustments of 11 pictures, one with a lens, the other without distortion."""
@@ -154,18 +139,6 @@ def test_odms_reconstruction_gives_the_orientations_that_another_program_found()
         assert_allclose(got, [float(one) for one in rest[:6]], atol=6e-4)
 
 
-def test_a_project_without_measured_positions_has_no_place(tmp_path):
-    whole = written.reconstruction()
-    for one in whole["shots"].values():
-        one["gps_dop"] = 999999.0
-    brought = reading.read(written.write(tmp_path / "p", whole, ground_control_points=CONTROL))
-    assert "ground_control_points.json: the reconstruction has no place on the Earth" in (
-        brought.left_out
-    )
-    assert "crs" not in brought.settings
-    assert not any("measured positions" in one for one in brought.left_out)
-
-
 def test_axes_of_utm_are_recognised_and_brought_back(tmp_path):
     """Convergence there is 0.99 degrees: 0.5 m at the outermost camera."""
     whole, grid = written.reconstruction(), GridSystem(crs="EPSG:32722", heights="ellipsoidal")
@@ -185,32 +158,6 @@ def test_axes_of_utm_are_recognised_and_brought_back(tmp_path):
     for name, values in before.items():
         if name != "exposure":
             assert_allclose(table[name], values, atol=1e-5)
-
-
-@pytest.mark.parametrize("header", [*reading.VERSIONS, ""])
-def test_tracks_of_all_versions_are_read(tmp_path, header):
-    folder = written.write(tmp_path / "p")
-    known = reading.read(folder).tables
-    (folder / "tracks.csv").write_text(written.tracks(header=header))
-    assert reading.read(folder).tables == known
-
-
-def test_the_larger_reconstruction_is_taken_and_the_other_counted(tmp_path):
-    small = written.reconstruction(shots={"x": written.shot(np.eye(3), np.zeros(3))})
-    path = tmp_path / "reconstruction.json"
-    path.write_text(json.dumps([small, written.reconstruction()]))
-    brought = reading.read(path)
-    assert len(brought.tables["calibration/images.csv"]["image"]) == len(written.CENTRES)
-    said = "1 more reconstructions with 1 shots: each has a frame of its own"
-    assert said in brought.left_out
-
-
-def test_rigs_are_read_from_assignments_too(tmp_path):
-    pairs = [[["0.jpg", "left"], ["1.jpg", "right"]], [["2.jpg", "left"]]]
-    brought = reading.read(written.write(tmp_path / "p", rig_assignments=pairs))
-    images = brought.tables["heads/images.csv"]
-    assert images["camera"] == ["left", "right", "m", "m"]
-    assert images["exposure"] == ["rig 0", "rig 0", "2.jpg", "3.jpg"]
 
 
 def test_a_list_of_odm_is_the_same_as_the_json(tmp_path):
@@ -237,8 +184,3 @@ def test_the_middle_of_the_image_and_the_focal_length_are_in_pixels(tmp_path):
     a, b = (one.hole for one in reading.project(path).lenses.values())
     assert (a.fx, a.cx, a.cy) == (540.0, 299.5, 199.5)
     assert (b.fx, b.fy, b.cx, b.cy) == (600.0, 1200.0, 305.5, 259.5)
-
-
-def test_the_folder_of_an_odm_project_is_entered(tmp_path):
-    inside = written.write(tmp_path / "opensfm")
-    assert reading.read(tmp_path).tables == reading.read(inside).tables

@@ -11,7 +11,6 @@ from pyopf.pointcloud import GlTFPointCloud
 from acx4book.reference import data
 from acx4files.exchange.programs import opf as reading
 from acx4files.flight.settings import camera_of
-from acx4lib.errors import FlightError
 from acx4lib.geometry.frames import log, rotation_from_opk
 from support.helpers import needs
 from support.projects import opf, scene
@@ -78,36 +77,6 @@ def test_bodies_and_mountings_make_the_cameras_of_the_scene(tmp_path):
         assert_allclose(body @ second.r, R @ opf.BASE, atol=1e-7)
 
 
-def test_a_folder_without_a_project_says_the_same(tmp_path):
-    whole = reading.read(opf.write(tmp_path / "p"))
-    loose = reading.read(opf.write(tmp_path / "q", with_project=False))
-    assert loose.tables == whole.tables
-    assert loose.settings["name"] == "q"
-
-
-def test_cameras_alone_are_brought(tmp_path):
-    folder = opf.write(tmp_path / "p", with_project=False)
-    for path in folder.iterdir():
-        if path.stem != "input-cameras":
-            path.unlink()
-    path = folder / "input-cameras.json"
-    path.write_text(json.dumps({**json.loads(path.read_text()), "captures": []}))
-    brought = reading.read(path)
-    assert not brought.tables
-    assert set(brought.settings["cameras"]) == {"head 1", "head 2"}
-
-
-def test_a_control_point_that_cannot_be_converted_is_named(tmp_path):
-    folder = opf.write(tmp_path / "p")
-    path = folder / "input-control-points.json"
-    document = json.loads(path.read_text())
-    document["gcps"][2]["geolocation"]["crs"] = {"definition": "EPSG:31982+5773"}
-    path.write_text(json.dumps(document))
-    brought = reading.read(folder)
-    assert len(brought.tables["control_points.csv"]["point"]) == 8
-    assert any(one.startswith("control point P2: ") for one in brought.left_out)
-
-
 def test_a_constant_undulation_is_that_of_the_flight(tmp_path):
     folder = opf.write(tmp_path / "p")
     path = folder / "input-control-points.json"
@@ -122,32 +91,6 @@ def test_a_constant_undulation_is_that_of_the_flight(tmp_path):
     assert_allclose(heights, scene.scene().points_enh[:, 2] - 4.5, atol=1e-5)
     flown = brought.tables["heads/trajectory.csv"]["height_m"]
     assert_allclose(flown, scene.scene().lonlath[:, 2] - 4.5, atol=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("document", "node"),
-    [
-        ("input-cameras", "coordinates"),
-        ("input-control-points", "coordinates"),
-        ("calibrated-control-points", "coordinates"),
-        ("calibrated-cameras", "position"),
-    ],
-)
-def test_a_coordinate_beyond_the_earth_is_told(tmp_path, document, node):
-    folder = opf.write(tmp_path / "p")
-    path = folder / f"{document}.json"
-    text = path.read_text()
-    before, found, after = text.partition(f'"{node}": [')
-    assert found
-    path.write_text(f"{before}{found}1e308, {after.partition(',')[2]}")
-    with pytest.raises(FlightError, match=f"{node}.0: 1e.308; must lie between -1e.08 and 1e.08"):
-        reading.read(folder)
-
-
-def test_a_folder_without_files_of_opf_is_told(tmp_path):
-    (tmp_path / "a.json").write_text("{}")
-    with pytest.raises(FlightError, match=r"has no file of OPF; must have project\.opf"):
-        reading.read(tmp_path)
 
 
 @needs("formats/opf")
@@ -188,12 +131,3 @@ def own(i):
     """Return the centre of an exposure and the points."""
     block = scene.scene()
     return opf.centres(block)[i], block.points_enh
-
-
-def test_a_point_is_taken_once_in_an_image(tmp_path):
-    folder = opf.write(tmp_path / "p", tracks=True)
-    ids = np.zeros(72, dtype="<u4")  # all matches in one camera
-    (folder / "points" / "cameraIds.bin").write_bytes(ids.tobytes())
-    brought = reading.read(folder)
-    assert len(brought.tables["heads/image_points.csv"]["point"]) == 72 + 9
-    assert any(one.startswith("63 measurements of tie points") for one in brought.left_out)

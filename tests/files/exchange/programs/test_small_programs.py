@@ -38,19 +38,6 @@ def test_surveyed_points_prove_the_import(tmp_path):
     assert_allclose(brought.settings["cameras"]["C"]["b2"], -4e-4 / (1 + 3e-4), rtol=1e-3)
 
 
-@pytest.mark.parametrize("given", [".", "MMVII-PhgrProj", ORI])
-def test_any_folder_of_the_project_is_enough(tmp_path, given):
-    written_micmac.mmvii_write(tmp_path)
-    tables = micmac.read(tmp_path / given).tables
-    assert tables["calibration/image_points.csv"]["point"] == ["P", "Q", "R"]
-
-
-def test_a_calibration_alone_is_a_camera(tmp_path):
-    written_micmac.mmvii_write(tmp_path)
-    brought = micmac.read(tmp_path / ORI / "Calib-PerspCentral-C.xml")
-    assert list(brought.settings["cameras"]) == ["C"]
-
-
 def test_early_versions_leave_out_the_elements_around(tmp_path):
     known = micmac.read(written_micmac.mmvii_write(tmp_path)).tables
     for path in tmp_path.rglob("*.xml"):
@@ -59,16 +46,6 @@ def test_early_versions_leave_out_the_elements_around(tmp_path):
             text = text.replace(f"<{tag}>", "").replace(f"</{tag}>", "")
         path.write_text(text)
     assert micmac.read(tmp_path).tables == known
-
-
-def test_one_of_several_orientations_must_be_chosen(tmp_path):
-    written_micmac.mmvii_write(tmp_path)
-    other = tmp_path / "MMVII-PhgrProj/Ori/B"
-    other.mkdir()
-    (other / "Ori-PerspCentral-a.JPG.xml").write_text(written_micmac.MMVII_POSE)
-    with pytest.raises(FlightError, match=r"has orientations in .*Ori/A, .*Ori/B; give one of"):
-        micmac.read(tmp_path)
-    assert "control_points.csv" in micmac.read(tmp_path / ORI).tables
 
 
 # --- pix4d -----------------------------------------------------------------------------------
@@ -115,39 +92,6 @@ def test_matrices_and_angles_are_the_proof(folder):
     said = next(one for one in found if one.startswith("Omega, Phi, Kappa and positions"))
     off = said.split(" to ")[1].split()
     assert max(float(off[0]), float(off[3])) < 1e-5
-
-
-def test_images_of_two_lenses_are_two_cameras(folder):
-    path = folder / "p_calibrated_camera_parameters.txt"
-    (folder / "p_pmatrix.txt").unlink()
-    path.write_text(path.read_text().replace("1450.0", "1460.0", 2))
-    brought = pix4d.read(folder, orientations="none")
-    assert brought.tables["calibration/images.csv"]["camera"] == ["CAM1", "CAM2", "CAM2", "CAM2"]
-    assert list(brought.settings["cameras"]) == ["CAM1", "CAM2"]
-
-
-def test_without_a_crs_or_an_offset_lenses_alone_are_read(folder):
-    (folder / "p_wkt.prj").unlink()
-    with pytest.raises(FlightError, match=r"no \*_wkt\.prj says the CRS; give it by --crs"):
-        pix4d.read(folder)
-    assert "calibration/trajectory.csv" in pix4d.read(folder, crs=scene.CRS).tables
-    assert "calibration/trajectory.csv" not in pix4d.read(folder, orientations="none").tables
-    (folder / "p_offset.xyz").unlink()
-    with pytest.raises(FlightError, match=r"\*_offset\.xyz is not there; must be beside it"):
-        pix4d.read(folder, crs=scene.CRS)
-
-
-def test_another_crs_than_that_of_the_files_is_refused(folder):
-    with pytest.raises(FlightError, match=r"its CRS is not EPSG:31983; give that of Pix4D"):
-        pix4d.read(folder, crs="EPSG:31983")
-
-
-def test_a_projects_folder_is_enough(tmp_path):
-    inside = tmp_path / "1_initial" / "params"
-    inside.mkdir(parents=True)
-    written_pix4d.write(inside)
-    assert len(pix4d.project(tmp_path).images.names) == 4
-    assert len(pix4d.project(inside / "p_offset.xyz").images.names) == 4
 
 
 # --- ODM's list of control points: its ways to write a CRS, missing heights, wrong lines -----
@@ -212,15 +156,6 @@ def test_longitudes_and_latitudes_are_written_in_their_utm_zone(tmp_path):
     control = brought.tables["control_points.csv"]
     assert control["point"] == ["GCP1"]
     assert_allclose([control["east_m"][0], control["north_m"][0]], [391466.6, 5820000], atol=60)
-
-
-def test_images_are_written_for_a_named_camera(tmp_path):
-    brought = odm_read(tmp_path, f"EPSG:32610\n{ROWS}", camera="C")
-    assert brought.tables["calibration/images.csv"] == {
-        "image": ["a.jpg", "b.jpg"],
-        "camera": ["C", "C"],
-        "exposure": ["a.jpg", "b.jpg"],
-    }
 
 
 @needs("formats/odm")
@@ -300,11 +235,6 @@ def test_blocks_end_by_a_mark_or_by_the_next_header(tmp_path, text):
     ]
     assert_allclose(measured.colrow[0], [1999.5 - 1906.43 / 1.5, 1499.5 - 1834.93 / 1.5])
     assert images.cameras == ("H_8.07_6.0525",) * 2
-
-
-def test_a_header_without_a_camera_has_the_usual_one(tmp_path):
-    (tmp_path / "image.dat").write_text("7\n1 0.5 0.5 3\n-99\n")
-    assert photo_lists.bingo(tmp_path, size=(4000, 3000), pixel_um=2.0).images.cameras == ("CAM",)
 
 
 def test_micrometres_and_millimetres_are_declared(tmp_path):

@@ -174,14 +174,6 @@ def test_the_heights_of_a_real_block_lose_the_scale_of_the_map():
     assert any("the scale of the map" in line for line in brought.assumed)
 
 
-def test_a_list_without_names_is_numbered(tmp_path):
-    (tmp_path / "b.txt").write_text("x y z omega phi kappa\n400000 7200000 3 0 0 10\n")
-    brought = orientations.read(tmp_path / "b.txt", crs="EPSG:31982", camera="CAM")
-    images = brought.tables["calibration/images.csv"]
-    assert images == {"image": ["1"], "camera": ["CAM"], "exposure": ["1"]}
-    assert brought.assumed[0].endswith("exposures are numbered.")
-
-
 # --- Text exports of POSPac: the documented layout, and what real headings look like
 
 
@@ -232,15 +224,6 @@ def test_exterior_orientations(tmp_path, heading, begin, name):
     assert [table[f"{n}_deg"][0] for n in ("omega", "phi", "kappa")] == [-1.05, 0.32, 179.18]
     assert "those of the camera" in brought.assumed[2]
     assert "Boresight values used: tx 0.1 deg" in brought.found[-1]
-
-
-def test_a_preamble_of_windows(tmp_path):
-    row = f"7 3 1.5 {' '.join(ROW.split()[:6])} {PLACE}"
-    text = f"Vol d'été\n{PREAMBLE}{HEADING}\n{row}\n"
-    (tmp_path / "eo.txt").write_bytes(text.encode("cp1252"))
-    brought = orientations.read(tmp_path / "eo.txt", columns="pospac", crs="EPSG:32617")
-    assert "Vol d'été" in brought.found[-1]
-    assert any("Windows-1252" in line for line in brought.assumed)
 
 
 def test_positions_in_two_forms_say_whether_the_crs_is_right(tmp_path):
@@ -345,9 +328,6 @@ def test_orientations_of_a_real_flight_by_applanix(tmp_path, name):
     assert float(line.split("at most ")[1].split()[0]) < 0.005
 
 
-# --- Trajectories in tables and lists
-
-
 # --- tables of points, measured in images or surveyed, in any order of columns ---------------
 
 
@@ -397,24 +377,6 @@ def test_the_middle_of_the_first_pixel_becomes_zero_and_images_get_a_camera(file
     assert "the middle of the first pixel is 1, 1" in brought.assumed[1]
 
 
-def test_several_tables_are_put_together(file):
-    one, two = file("point image x y\nP a 1 1\n"), file("image point x y\na Q 2 2\n", "more.txt")
-    brought = orientations.measured([one, two])
-    assert brought.tables[POINTS]["point"] == ["P", "Q"]
-    assert brought.found[0].startswith("2 measurements of 2 points in 1 image;")
-    with pytest.raises(FlightError, match=r"points.txt:2: point: 'P' .* in line 2 already"):
-        orientations.measured([one, one])
-
-
-def test_what_is_left_out_is_named(file):
-    text = "SITE : A\nimage point col row camera\na P 1 2 CAM 9\n"
-    brought = measured(file(text))
-    assert brought.left_out == (
-        "Lines before the heading: 1.",
-        "Columns that are no measurement: camera, 1 after the last in line 3.",
-    )
-
-
 @pytest.mark.parametrize(
     ("text", "columns", "says"),
     [
@@ -437,15 +399,6 @@ def test_bad_measurements_are_refused_in_one_line(file, text, columns, says):
         measured(file(text), columns=columns)
     (line,) = raised.value.problems
     assert says in line
-
-
-def test_surveyed_points_in_the_grid_stay_as_they_are(file):
-    text = "role z y x name sigma_z\nGCP 10 5e6 4e5 P 0.02\ncheck 11 5000001 400001 Q 0.03\n"
-    table = orientations.surveyed(file(text), crs="EPSG:32633").tables[CONTROL]
-    assert (table["point"], table["role"]) == (["P", "Q"], ["control", "check"])
-    enh = np.stack([table["east_m"], table["north_m"], table["height_m"]], axis=1)
-    assert enh.tolist() == [[4e5, 5e6, 10], [400001, 5000001, 11]]
-    assert table["sigma_height_m"].tolist() == [0.02, 0.03]
 
 
 def test_geographic_points_with_ellipsoidal_heights_become_the_flights(file):
@@ -534,14 +487,6 @@ def test_a_word_has_a_name_and_may_have_a_unit(word, name, unit):
     assert listed.columns[1] == Column(name=name, unit=unit)
 
 
-def test_borea_letters_and_repeated_words():
-    listed = point_tables_read("A 1 2 3 4 5 6 B x y\n", "N X Y Z O P K C S S")
-    expected = "image east north height omega phi kappa camera skip skip"
-    assert [one.name for one in listed.columns] == expected.split()
-    with pytest.raises(FlightError, match="stands twice"):
-        point_tables_read("1 2 3\n", "x y x")
-
-
 # --- Rows with declared columns
 
 
@@ -551,18 +496,6 @@ NUMBERS = ("east", "omega")
 def point_tables_read(text, columns=""):
     source = Opened(file="a.txt", data=text.encode())
     return read_list(source, columns, numbers=NUMBERS)
-
-
-def test_a_heading_with_tabs_over_rows_with_spaces():
-    found = point_tables_read("NOM\tX\tY\nA   1.0  2.0\nB   3.0  4.0\n")
-    assert found.names("image") == ["A", "B"]
-    assert found.numbers("north").tolist() == [2.0, 4.0]
-
-
-def test_quoted_cells_may_hold_a_separator():
-    found = point_tables_read("image camera x\nA 'c 1, d' 1\n")
-    assert found.names("camera") == ["c 1, d"]
-    assert point_tables_read('image,x\n"A, B",1\n').names("image") == ["A, B"]
 
 
 @pytest.mark.parametrize(
@@ -595,42 +528,10 @@ def test_commas_that_may_set_thousands_apart_are_refused(text, cell):
         found.numbers("east")
 
 
-def test_commas_in_names_and_times_of_day_stay():
-    found = point_tables_read("image;x;time\nA,1;1,5;10:00:00,5\n")
-    assert found.names("image") == ["A,1"]
-    assert found.rows[0].cells == ("A,1", "1.5", "10:00:00,5")
-
-
-def test_declared_columns_with_and_without_a_heading():
-    assert len(point_tables_read("a,b,c\nA,1,2\n", "image x y").rows) == 1
-    assert len(point_tables_read("A,1,2\n", "image x y").rows) == 1
-
-
-def test_a_heading_of_which_two_columns_may_be_one_is_refused():
-    with pytest.raises(FlightError, match="two columns may be 'height'"):
-        point_tables_read("image x y z altitude\nA 1 2 3 4\n")
-
-
 SITE = (
     "CHANTIER : PARIS - 2015\nDATE : 12/06/2015\nSYSTEME : LAMBERT 93\n\n"
     "NOM X Y OMEGA\nA 1.0 2.0 0.5\nB 3.0 4.0 0.6\n"
 )
-
-
-@pytest.mark.parametrize("columns", ["", "image x y omega"])
-def test_lines_before_a_heading_are_counted_and_not_read(columns):
-    found = point_tables_read(SITE, columns)
-    assert found.names("image") == ["A", "B"]
-    assert found.numbers("north").tolist() == [2.0, 4.0]
-    assert found.before == 4
-    assert found.rows[0].number == 6
-
-
-def test_rows_before_a_second_heading_are_rows():
-    with pytest.raises(FlightError, match="x"):
-        point_tables_read(
-            "A 1.0 2.0 0.5\nNOM X Y OMEGA\nB 3.0 4.0 0.6\n", "image x y omega"
-        ).numbers("east")
 
 
 @pytest.mark.parametrize("row", ["A nan nan 1", "A 1,5 2,5 1", "A - - 1", "A *** 2.0 1"])

@@ -9,7 +9,6 @@ from acx4book.reference import data
 from acx4files.exchange import safe
 from acx4files.exchange.safe import Opened
 from acx4files.exchange.trajectories import sbet
-from acx4files.flight.tables import SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.errors import FlightError
 from acx4lib.geometry import frames
 from support.helpers import needs
@@ -162,13 +161,6 @@ def test_records_that_no_trajectory_has_are_named(made, field, value, says):
     assert str(raised.value) == f"a.sbet:1: {says}"
 
 
-def test_deviations_that_are_not_positive_are_named(made):
-    records = np.frombuffer(made.smrmsg(TIMES)).reshape(-1, 10).copy()
-    records[2, 7] = 0.0
-    with pytest.raises(FlightError, match=r"roll: record 3 of 4 has \(0.0\); must be a positive"):
-        sbet.read_deviations(Opened(file="a", data=records.tobytes()))
-
-
 # --- What lies between two records follows a motion in closed form
 
 
@@ -233,14 +225,6 @@ def test_velocities_that_do_not_fit_are_seen(tmp_path, made):
     assert float(re.search(r"of position by (\S+) m/s", said)[1]) > 30
 
 
-def test_deviations_are_linear_between_records(files, made):
-    (files / "a.smrmsg").write_bytes(made.smrmsg(np.array([0.0, 9.0]), start=START))
-    brought = read(files, "image,time\nA,604799.5\nB,604804\n", deviations=True)
-    found = columns(brought, *SIGMA_POSITION, *SIGMA_ATTITUDE)
-    assert found[0] == pytest.approx([0.03, 0.015, 0.045, 0.075, 0.15, 0.225])
-    assert found[1] == pytest.approx([0.04, 0.02, 0.06, 0.1, 0.2, 0.3])
-
-
 # --- Time bases of events
 
 
@@ -273,38 +257,3 @@ def test_every_base(tmp_path, made, base, event, start, expected):
 )
 def test_other_cells_are_refused(files, base, event, says):
     assert says in error(files, event, time=base)
-
-
-# --- Lists of events
-
-
-@pytest.mark.parametrize(
-    ("text", "declared"),
-    [
-        ("filename;gps_time\nA;2.5\nB;3.5\n", ""),
-        ("# log\n7 A 2.5\n8 B 3.5\n", "skip image time"),
-        ("no\tphoto\twhen\n7\tA\t2.5\n8\tB\t3.5\n", "skip image time"),
-    ],
-)
-def test_columns_by_heading_or_by_declaration(files, text, declared):
-    table = read(files, text, columns=declared).tables["calibration/trajectory.csv"]
-    assert table["exposure"] == ["A", "B"]
-    assert table["time_s"].tolist() == [604_802.5, 604_803.5]
-
-
-@pytest.mark.parametrize(
-    ("text", "options", "says"),
-    [
-        ("image,time\nA,1\nA,2\n", {}, "events.txt:3: image: 'A' stands in line 2 already"),
-        ("image,time\n=A,1\n", {}, "would be computed as a formula"),
-        ("image,time\nA,x\n", {}, "events.txt:2: time: 'x'; must be a finite number"),
-        ("image,time\n", {}, "has a heading and no rows"),
-        ("image,week,time\nA,1,1\n", {}, "'week' is there; needs --time gps-week-sow"),
-        ("image,time\nA,1\n", {"time": "gps-week-sow"}, "'week' is missing"),
-        ("A,1\nB,2\n", {}, "events.txt:1: columns: is no heading: 'A 1'; declare them by --col"),
-        ("A,1\n", {"columns": "image tme"}, "column 'tme' is not known (did you mean 'time'?)"),
-        ("image,time\nB,1\nA\n", {}, "events.txt:3: time: is missing, the line has 1 cells"),
-    ],
-)
-def test_other_lists_are_refused(files, text, options, says):
-    assert says in error(files, text, **options)
