@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from acx4book.planning import flown
 from acx4book.planning import plan as plans
-from acx4book.planning.flown import simulate
 from acx4files.flight import reader
 from acx4files.flight.reader import Flight
 from acx4lib.block import Block
@@ -60,7 +60,7 @@ def fly(name: str, *, seed: int, options: Options | None = None) -> SimulatedFli
         Of a design of the simulator, or a path that ends in ``.toml``.
     seed : int
     options : Options, optional
-        As `simulate` takes them.
+        As `planning.flown.simulate` takes them.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def fly(name: str, *, seed: int, options: Options | None = None) -> SimulatedFli
     if options.refraction == "standard" and plan.setup.refraction == "none":
         msg = 'refraction by an option is for designs; in a plan write refraction = "standard"'
         raise ValueError(msg)
-    return simulate(plan, seed=seed, options=options)
+    return flown.simulate(plan, seed=seed, options=options)
 
 
 # --- The plan of a design of the simulator, with the keys of a plan's file
@@ -211,6 +211,9 @@ def _truth(camera: Camera) -> Mapping[str, float]:
 
 
 STANDARD = Options()
+
+EXACT = flown.EXACT
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Flown:
