@@ -436,6 +436,7 @@ def _texts_of_benchmarks(errors: sigma.Errors) -> Iterator[tuple[str, str]]:
     yield "coverage-bias.md", sigma.bias_page(stored("coverage", "bias"))
     yield "coverage-slow.md", verdicts.slow_errors(stored("slow_errors"))
     yield "coverage-validated.md", verdicts.validated(stored("slow_validations"))
+    yield "coverage-held.md", verdicts.held(stored("held_values"))
     reports = verdicts.read(BENCHMARKS)
     yield "coverage-good.md", verdicts.good(reports)
     yield "coverage-spoilt.md", verdicts.spoilt(reports)
