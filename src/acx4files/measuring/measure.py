@@ -460,7 +460,7 @@ def read_unmeasured(path: str | Path) -> Unmeasured:
         raise FlightError([problem])
     toml = read_toml(folder / "flight.toml")
     tables = {
-        name: without_points(read_block(folder, name, pictures=folder), folder) for name in names
+        name: without_points(read_block(folder, name, pictures=folder)) for name in names
     }
     flight = checked(toml, list(tables.values()))
     pictured = [name for name in names if any(flight.image_files[name])]

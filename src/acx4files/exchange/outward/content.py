@@ -329,7 +329,7 @@ def read_flown(path: Path) -> Flight:
         With all that is wrong with it.
     """
     present = [name for name in BLOCKS if (path / name).is_dir()]
-    blocks = [without_points(read_block(path, name, pictures=path), path) for name in present]
+    blocks = [without_points(read_block(path, name, pictures=path)) for name in present]
     return checked(read_toml(path / "flight.toml"), blocks)
 
 
