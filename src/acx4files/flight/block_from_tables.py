@@ -12,10 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+from acx4files import conventions
 from acx4files.flight.problems import ABSENT, NO_ROWS, RANGES, Problem
 from acx4files.flight.settings import Setup
 from acx4files.flight.table_files import read_columns
-from acx4files.flight.tables import GEOGRAPHIC, SCHEMAS, SIGMA_ATTITUDE, SIGMA_POSITION, Table
+from acx4files.flight.tables import SCHEMAS, SIGMA_ATTITUDE, SIGMA_POSITION, Table
 from acx4lib.block import Block, Distances, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.frames import Pose
@@ -154,9 +155,7 @@ def measured_control(tables: BlockTables) -> Mask:
 
 def lonlat_of(trajectory: Table, grid: GridSystem) -> Array:
     """Return longitude and latitude of a trajectory in either form, degrees, shape (n, 2)."""
-    if "lat_deg" in trajectory.numbers:
-        return trajectory.stack("lon_deg", "lat_deg")
-    return grid.lonlat_from_grid(trajectory.stack("east_m", "north_m"))
+    return conventions.lonlat_of(trajectory.numbers, grid)
 
 
 def assemble(tables: BlockTables, setup: Setup) -> Block:
@@ -248,11 +247,7 @@ def _trajectory(table: Table, used: Mask, frame: MappingFrame, setup: Setup) -> 
 
 def poses(table: Table, frame: MappingFrame) -> Pose:
     """Return the poses T_m_b of a trajectory in either form, one for every row."""
-    if table.has(*GEOGRAPHIC):
-        rph = np.radians(table.stack("roll_deg", "pitch_deg", "heading_deg"))
-        return frame.pose_from_geographic(table.stack("lon_deg", "lat_deg", "height_m"), rph)
-    opk = np.radians(table.stack("omega_deg", "phi_deg", "kappa_deg"))
-    return frame.pose_from_grid(table.stack("east_m", "north_m", "height_m"), opk)
+    return conventions.poses(table.numbers, frame)
 
 
 def _surveyed(

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyproj
 
+from acx4files.conventions import FOOT, contradictions, misses
 from acx4files.flight.block_from_tables import (
     BLOCKS,
     TABLES,
@@ -36,7 +37,6 @@ from acx4files.flight.problems import (
     quoted,
     same_but_for_writing,
 )
-from acx4files.flight.readings import FOOT, fit_problems, misfit
 from acx4files.flight.settings import KNOWN, Setup, flight_table, setup_of
 from acx4files.flight.table_files import Columns, named_file, table_in_memory
 from acx4files.flight.tables import SCHEMAS, Table
@@ -306,7 +306,31 @@ def _block_problems(
     if kept:
         return problems
     problems += [] if setup.grid.is_local else _height_problems(sane)
-    return problems or [*fit_problems(tables, setup, toml)]
+    return problems or [*_fit_problems(tables, setup, toml)]
+
+
+def _fit_problems(tables: BlockTables, setup: Setup, toml: Toml) -> Iterator[Problem]:
+    """Yield surveyed points that do not project near their measurements, and the likely mistake."""
+    named = {"image_points": tables.image_points, "trajectory": tables.trajectory}
+    named["control_points"] = tables.control
+    surveyed = set(tables.control.text["point"])
+    names = tables.image_points.text["point"]
+    own = np.array([name in surveyed for name in names], dtype=bool)
+    tables = replace(tables, image_points=tables.image_points.select(own), distances=None)
+    if not own.any():
+        return
+    with np.errstate(all="ignore"):  # wrong positions may have no convergence
+        block = assemble(tables, setup)
+    rows = index_of(block.points, tables.control.text["point"])
+    enh = tables.control.stack("east_m", "north_m", "height_m")[rows]  # noqa: PD013 a flight's table
+    files = {name: table.file for name, table in named.items()}
+    for found in contradictions(block, tables.trajectory, enh, files):
+        if found.table == "mount":
+            keys = ("cameras", found.camera, found.column)
+            yield toml.problem(keys, found.found, found.expected)
+        else:
+            place = replace(named[found.table], lines=np.zeros(0))
+            yield place.problem(0, found.column, found.found, found.expected)
 
 
 def _image_files(tables: BlockTables) -> tuple[Path | None, ...]:
@@ -735,9 +759,6 @@ ABSURD = 4.0
 SHARE, ENOUGH = 10, 3
 """At most one row in `SHARE`, or one row, is single; at least `ENOUGH` others must remain."""
 
-NAMED = 5
-"""Number of points that a note names."""
-
 BESIDE_DEG = 3.0
 """Allowed distance from the area of use of a CRS: zones are used beyond their borders."""
 
@@ -771,21 +792,20 @@ def _without_single_rows(tables: BlockTables, grid: GridSystem) -> BlockTables:
 
 
 def _control_notes(tables: BlockTables, block: Block) -> Iterator[str]:
-    """Yield notes on surveyed points that project far from their measurements."""
-    misfits = misfit(block)
-    ratio = medians(misfits.distance_px / misfits.allowed_px, misfits.point_idx, len(block.points))
-    absurd = {block.points[i] for i in np.flatnonzero(ratio > ABSURD)}
-    line = dict(zip(tables.control.text["point"], tables.control.lines, strict=True))
-    far = [name for name in line if name in absurd]
-    if far:
-        listed = ", ".join(
-            f"{name!r} ({tables.control.counts} {line[name]})" for name in far[:NAMED]
-        )
-        more = ", …" if len(far) > NAMED else ""
+    """Yield a note on surveyed points that project far from their measurements."""
+    seen, ratio = misses(block)
+    far = {
+        block.points[i]
+        for i in seen.points[medians(ratio, seen.point_idx, len(seen.points)) > ABSURD]
+    }
+    control = tables.control
+    line = {p: n for p, n in zip(control.text["point"], control.lines, strict=True) if p in far}
+    if line:
+        listed = _some([f"{name!r} ({control.counts} {n})" for name, n in line.items()])
         yield (
-            f"{tables.name}: {len(far)} of {len(np.unique(misfits.point_idx))} surveyed points of "
-            f"{tables.control.file} lie nowhere near where they were measured, and will be "
-            f"rejected as gross errors if the others fit: {listed}{more}"
+            f"{tables.name}: {len(line)} of {len(seen.points)} surveyed points of "
+            f"{control.file} lie nowhere near where they were measured, and will be "
+            f"rejected as gross errors if the others fit: {listed}"
         )
 
 
