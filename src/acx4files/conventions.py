@@ -261,12 +261,13 @@ def _plane_readings(xy: Array, grid: GridSystem) -> Iterator[tuple[str, Array]]:
                 yield f"of UTM zone {zone}{hemisphere}", grid.grid_from_lonlat(lonlat)
 
 
-def _degree_readings(lonlat: Array) -> Iterator[tuple[str, Array]]:
-    """Yield other readings of longitude and latitude: meaning, and degrees, shape (n, 2)."""
-    yield "swapped", lonlat[:, ::-1]
-    yield "in radians", np.degrees(lonlat)
-    for columns, signs in (("lon_deg", [-1, 1]), ("lat_deg", [1, -1]), ("both", [-1, -1])):
-        yield f"of opposite sign ({columns})", lonlat * signs
+def _degree_readings(lonlat: Array) -> Iterator[tuple[tuple[str, ...], str, Array]]:
+    """Yield other readings of longitude and latitude: columns, meaning, degrees, shape (n, 2)."""
+    both = ("lat_deg", "lon_deg")
+    yield both, "swapped", lonlat[:, ::-1]
+    yield both, "in radians", np.degrees(lonlat)
+    for columns, signs in ((both[1:], [-1, 1]), (both[:1], [1, -1]), (both, [-1, -1])):
+        yield columns, "of opposite sign", lonlat * signs
 
 
 # --- The readings of a block: some of its measurements, and the poses of the body
@@ -579,9 +580,9 @@ def _of_positions(case: _Case) -> Iterator[Reading]:
     on_map = "lat_deg" not in case.numbers
     columns = ("east_m", "north_m") if on_map else ("lon_deg", "lat_deg")
     xy = np.stack([case.numbers[name] for name in columns], axis=-1)
-    for says, other in _plane_readings(xy, case.frame.grid) if on_map else _degree_readings(xy):
+    of_plane = ((columns, says, other) for says, other in _plane_readings(xy, case.frame.grid))
+    for shown, says, other in of_plane if on_map else _degree_readings(xy):
         numbers = {**case.numbers, **dict(zip(columns, other.T, strict=True))}
-        shown = columns if on_map else ("lat_deg", "lon_deg")
         yield from case.moved(Meaning(shown, says, "position", numbers))
 
 
@@ -1294,6 +1295,9 @@ ROUNDS = 2, 3
 """How often the sizes of a pattern are estimated, each time after an adjustment without it, and
 how often where the reading is promising."""
 
+PART = 0.25
+"""Share of the residuals, of which a pattern that may be named makes up more."""
+
 SEARCHED_PX = 10.0
 """Misfit, px, from which the size of a pattern that has a limit is searched."""
 
@@ -1346,7 +1350,10 @@ def _fitted(
         if done >= usual and fit.misfit * FITTED > given.misfit:
             break
         by_size = _in_residuals(pattern, seen, T_m_b, fit)
-        sizes = total + _pattern_sizes(undone, T_m_b, fit, by_size)
+        step = _pattern_sizes(undone, T_m_b, fit, by_size)
+        if not total.any() and size(by_size @ step) < PART * given.misfit:
+            break  # without so small a part, the residuals are hardly smaller
+        sizes = total + step
         without, adjusted = _fitted_without(pattern, seen, T_m_b, sizes)
         if pattern.limit and adjusted.misfit > fit.misfit:
             break  # a searched size is not left for a linear step that fits worse

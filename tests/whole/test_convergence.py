@@ -25,7 +25,7 @@ from acx4lib.errors import Acx4Error, AdjustmentError, FlightError
 from acx4lib.geometry.camera import colrow_from_xy, xy_from_colrow
 from acx4lib.geometry.frames import Pose, exp, log, turn
 from support.flights import simulated, written
-from support.fuzz.flights import write_good
+from support.fuzz.run import write_good
 from support.helpers import repeats, rotation_angle
 
 FREE = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")
