@@ -11,7 +11,7 @@ calls it, and a command that failed; no stage does.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple, Protocol
@@ -416,19 +416,25 @@ JUDGED = 3
 """Number of control measurements that is enough to judge a single camera."""
 
 EXPLAINED_BY = 5000
-"""Number of measurements that mistakes are tried on; a part of more shows them as well."""
+"""Number of measurements that readings are tried on; a part of more shows them as well."""
 
 MOST = 0.75
 """Quantile of the distances that must be within the limit after a mistake is undone."""
 
 CLEARLY = 0.9
-"""Ratio to the best misfit so far below which a later mistake is clearly the better explanation."""
+"""Ratio to the best misfit so far below which a later reading is clearly the better explanation."""
+
+TURNED = 0.5
+"""The same ratio from which turned cameras explain nothing: they bring any far points near."""
 
 FAR = 50_000.0
 """Distance of a block from its control points, m, that only another CRS explains."""
 
 NO_TURN = np.radians(3.0)
 """Mounting angles below which a camera has the axes of the body."""
+
+NAMED = 10
+"""Number of cameras that a sentence names."""
 
 
 class Contradiction(NamedTuple):
@@ -534,25 +540,25 @@ def _contradiction(
     thin[measured[:: -(-len(measured) // EXPLAINED_BY)]] = True
     some = _all_surveyed(block, thin)
     case = _case(block, trajectory, some, enh[some.points])
-    best, after = _best_explanation(_mistakes(case, only))
-    table, column, camera = "", "east_m", ""
+    best, after = _best_explanation(_mistakes(case) if only is None else _turned_cameras(case))
+    table, column, camera = "mount" if only is not None else "", "east_m", ""
     if best is not None:
         table, column = best.table, best.column
         where = f" in {files[table]}" if table in files else ""
-        found += f"; it looks as if {best.says}{where} (then {after * allowed:.0f} px)"
-    elif only is None:
-        found += f"; {_whereabouts(block)}"
+        says = best.says or _turned_axes(
+            best.seen.cameras if only is None else [best.seen.cameras[only]]
+        )
+        found += f"; it looks as if {says}{where} (then {after * allowed:.0f} px)"
     else:
-        found += "; no quarter turn or sign explains it"
-    if table == "mount" or only is not None:
-        table, column = "mount", "mount_kappa_deg"
-        camera = block.cameras[only or 0].name
+        found += f"; {_whereabouts(block)}" if only is None else "; no turn of its axes explains it"
+    if table == "mount":
+        column, camera = "mount_kappa_deg", block.cameras[only or 0].name
     expected = f"must be below {allowed:.0f} px, a quarter of the image diagonal"
     return Contradiction(table, column, camera, found, expected)
 
 
-def _best_explanation(tried: Iterator[Reading]) -> tuple[Reading | None, float]:
-    """Return the mistake that explains nearly all misfits, or None, and the median ratio then."""
+def _best_explanation(tried: Iterable[Reading]) -> tuple[Reading | None, float]:
+    """Return the reading that explains nearly all misfits, or None, and the median ratio then."""
     best, least, after = None, 1.0 / CLEARLY, np.inf
     for reading in tried:
         ratio = _ratio(reading.seen, reading.T_m_b)
@@ -561,19 +567,38 @@ def _best_explanation(tried: Iterator[Reading]) -> tuple[Reading | None, float]:
     return best, after
 
 
-def _mistakes(case: _Case, only: int | None) -> Iterator[Reading]:
+def _mistakes(case: _Case) -> Iterator[Reading]:
     """Yield a block with each of the usual mistakes undone."""
-    if only is None:
-        yield from _of_heights(case)
-        for says, xy in _plane_readings(case.enh[:, :2], case.frame.grid):
-            yield from case.surveyed(
-                ("east_m", "north_m"), says, np.column_stack([xy, case.enh[:, 2]])
-            )
-        yield from _of_positions(case)
-    yield from _of_mounting(case, only)
-    if only is None:
-        yield from _of_trajectory(case)
-        yield from _of_pixels(case)
+    yield from _of_heights(case)
+    for says, xy in _plane_readings(case.enh[:, :2], case.frame.grid):
+        enh = np.column_stack([xy, case.enh[:, 2]])
+        yield from case.surveyed(("east_m", "north_m"), says, enh)
+    yield from _of_positions(case)
+    yield from _turned_cameras(case)
+    yield from _of_trajectory(case)
+    yield from _of_pixels(case)
+
+
+def _turned_cameras(case: _Case) -> Iterator[Reading]:
+    """Yield the block with its cameras turned onto the surveyed points, if that explains much."""
+    with np.errstate(all="ignore"):
+        cameras = started(case.seen, case.T_m_b).cameras
+    seen = replace(case.seen, cameras=cameras)
+    if _upper(_ratio(seen, case.T_m_b), MOST) < TURNED:
+        yield Reading(name="", quantity="attitude", seen=seen, T_m_b=case.T_m_b, table="mount")
+
+
+def _turned_axes(cameras: Sequence[Camera]) -> str:
+    """Return the end of a sentence on the mounting angles that fit."""
+    opk = {camera.name: np.round(np.degrees(camera.T_b_c.opk)) + 0.0 for camera in cameras}
+    listed = [f"{name} {o:.0f}, {p:.0f}, {k:.0f}" for name, (o, p, k) in opk.items()]
+    listed = [*listed[:NAMED], "…"] if len(listed) > NAMED else listed
+    body = len(cameras) == 1 and np.allclose(cameras[0].T_b_c.R, np.eye(3), atol=NO_TURN)
+    return (
+        "the camera axes were turned: mount_omega_deg, mount_phi_deg, mount_kappa_deg of "
+        f"{'; '.join(listed)} would fit"
+        + (", or the angles are of the camera, not of the body" if body else "")
+    )
 
 
 def _of_positions(case: _Case) -> Iterator[Reading]:
@@ -584,51 +609,6 @@ def _of_positions(case: _Case) -> Iterator[Reading]:
     for shown, says, other in of_plane if on_map else _degree_readings(xy):
         numbers = {**case.numbers, **dict(zip(columns, other.T, strict=True))}
         yield from case.moved(Meaning(shown, says, "position", numbers))
-
-
-def _of_mounting(case: _Case, only: int | None) -> Iterator[Reading]:
-    """Yield a block with other mountings: quarter turns, upside down, the inverse rotation."""
-    quarter = {k: turn(2, np.radians(k)) for k in (0, 90, 180, -90)}
-    turned = [(f"turned by {k} degrees about z", (R, None)) for k, R in quarter.items() if k]
-    turned += [("with z forward", (turn(0, np.pi) @ R, None)) for R in quarter.values()]
-    tried = [*turned, ("of the inverse rotation, body to camera", (None, None))]
-    tried += [("of other signs", (None, np.array(signs))) for signs in SIGNS]
-    for says, (R, signs) in tried:
-        cameras = tuple(
-            _remounted(camera, R, signs) if only in (None, k) else camera
-            for k, camera in enumerate(case.seen.cameras)
-        )
-        mounted = [camera for k, camera in enumerate(cameras) if only in (None, k)]
-        opk = [np.round(np.degrees(camera.T_b_c.opk)) + 0.0 for camera in mounted[:NAMED]]
-        listed = "; ".join(
-            f"{camera.name} {o:.0f}, {p:.0f}, {k:.0f}"
-            for camera, (o, p, k) in zip(mounted, opk, strict=False)
-        )
-        more = "; …" if len(mounted) > NAMED else ""
-        body = len(mounted) == 1 and np.allclose(mounted[0].T_b_c.R, np.eye(3), atol=NO_TURN)
-        or_body = ", or the angles are of the camera, not of the body" if body else ""
-        yield Reading(
-            name=says,
-            quantity="attitude",
-            seen=replace(case.seen, cameras=cameras),
-            T_m_b=case.T_m_b,
-            table="mount",
-            says=f"the camera axes were {says}: mount_omega_deg, mount_phi_deg, mount_kappa_deg "
-            f"of {listed}{more} would fit{or_body}",
-        )
-
-
-SIGNS = ((-1, 1, 1), (1, -1, 1), (-1, -1, 1), (1, 1, -1), (-1, -1, -1))
-NAMED = 10
-"""Number of cameras that a sentence names."""
-
-
-def _remounted(camera: Camera, R: Array | None, signs: Array | None) -> Camera:
-    """Return a camera turned by R, with other signs of its angles, or else by its inverse."""
-    R_b_c = camera.T_b_c.R.T if R is None else camera.T_b_c.R @ R
-    if signs is not None:
-        R_b_c = rotation_from_opk(camera.T_b_c.opk * signs)
-    return replace(camera, T_b_c=Pose(R=R_b_c, r=camera.T_b_c.r))
 
 
 def _whereabouts(block: Block) -> str:

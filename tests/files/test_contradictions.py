@@ -146,16 +146,8 @@ def test_control_that_does_not_fit_is_explained(tmp_path, form, file, mistake, c
     assert line.endswith("; must be below 1250 px, a quarter of the image diagonal")
 
 
-@pytest.mark.parametrize(
-    ("given", "says"),
-    [
-        ((0, 0, 0), "turned by 90 degrees about z"),
-        ((0, 0, -90), "turned by 180 degrees about z"),
-        ((0, 0, 180), "turned by -90 degrees about z"),
-        ((180, 0, -90), "with z forward"),
-    ],
-)
-def test_a_wrong_mounting_is_named_with_the_angles_that_fit(tmp_path, given, says):
+@pytest.mark.parametrize("given", [(0, 0, 0), (0, 0, -90), (0, 0, 180), (180, 0, -90), (20, 0, 40)])
+def test_a_wrong_mounting_is_named_with_the_angles_that_fit(tmp_path, given):
     write_flight(tmp_path)
     for name, angle in zip(("omega", "phi", "kappa"), given, strict=True):
         text = (tmp_path / TOML).read_text()
@@ -165,22 +157,22 @@ def test_a_wrong_mounting_is_named_with_the_angles_that_fit(tmp_path, given, say
     (line,) = problems(tmp_path)
     assert line.startswith(f"{TOML}:13: cameras.CAM.mount_kappa_deg: control points lie ")
     angles = "mount_omega_deg, mount_phi_deg, mount_kappa_deg of CAM 0, 0, 90 would fit"
-    assert f"it looks as if the camera axes were {says}: {angles}" in line
+    assert f"it looks as if the camera axes were turned: {angles}" in line
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "says"),
+    ("old", "new"),
     [
-        ("mount_omega_deg = 15", "mount_omega_deg = -15", "of other signs"),
-        ("mount_kappa_deg = -90", "mount_kappa_deg = 90", "turned by 180 degrees about z"),
+        ("mount_omega_deg = 15", "mount_omega_deg = -15"),
+        ("mount_kappa_deg = -90", "mount_kappa_deg = 90"),
     ],
 )
-def test_one_wrong_head_is_named_alone(tmp_path, old, new, says):
+def test_one_wrong_head_is_named_alone(tmp_path, old, new):
     replace(write_flight(tmp_path, blocks=("heads",)), TOML, old, new)
     (line,) = problems(tmp_path)
     assert "cameras.RIGHT.mount_kappa_deg: control points in images of RIGHT lie " in line
     angles = "mount_omega_deg, mount_phi_deg, mount_kappa_deg of RIGHT 15, 0, -90 would fit"
-    assert f"the camera axes were {says}: {angles}" in line
+    assert f"the camera axes were turned: {angles}" in line
 
 
 def test_a_misfit_without_explanation_says_how_far_apart_everything_is(tmp_path):
