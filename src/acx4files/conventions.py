@@ -11,10 +11,11 @@ calls it, and a command that failed; no stage does.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pyproj
@@ -43,30 +44,10 @@ Numbers = Mapping[str, Array]
 
 
 class Recorded(Protocol):
-    """A trajectory as its file has it."""
+    """A trajectory as its file has it: names, with the column exposure, and numbers."""
 
-    @property
-    def text(self) -> Mapping[str, Sequence[str]]:
-        """Its names, with the column exposure."""
-
-    @property
-    def numbers(self) -> Numbers:
-        """Its numbers."""
-
-
-class Flown(Protocol):
-    """A flight, of which only this is needed."""
-
-    @property
-    def blocks(self) -> Mapping[str, Block]:
-        """Its blocks by name."""
-
-    @property
-    def trajectories(self) -> Mapping[str, Recorded]:
-        """Their trajectories."""
-
-    def block(self, name: str, /) -> Block:
-        """Return a block; FlightError where there is none."""
+    text: Mapping[str, Sequence[str]]
+    numbers: dict[str, Array]
 
 
 # --- What the numbers of a trajectory, of heights and of pixels may mean, the simplest first
@@ -90,15 +71,6 @@ class Meaning(NamedTuple):
     says: str
     quantity: str
     numbers: Numbers
-
-    @property
-    def name(self) -> str:
-        """Columns and meaning, as in "pitch of opposite sign"."""
-        return f"{_plain(self.columns)} {self.says}"
-
-
-def _plain(columns: Sequence[str]) -> str:
-    return ", ".join(c.removesuffix("_deg").removesuffix("_m").removesuffix("_px") for c in columns)
 
 
 def poses(numbers: Numbers, frame: MappingFrame) -> Pose:
@@ -223,7 +195,9 @@ def height_readings(height: Array, lonlat: Array, grid: GridSystem) -> Iterator[
         yield "above the ellipsoid", height - undulation
 
 
-def pixel_readings(colrow: Array, size: Array, pixel_mm: Array) -> Iterator[tuple[str, str, Array]]:
+def pixel_readings(
+    colrow: Array, size: Array, pixel_mm: Array
+) -> Iterator[tuple[tuple[str, ...], str, Array]]:
     """Yield other readings of image measurements: columns, their meaning, pixels.
 
     Half a pixel is not among them: no measurement tells it from the principal point.
@@ -236,13 +210,13 @@ def pixel_readings(colrow: Array, size: Array, pixel_mm: Array) -> Iterator[tupl
         Width and height of the image of each, px.
     pixel_mm : ndarray, shape (n, 1)
     """
-    col, row = colrow.T
-    right, bottom = (size - 1 - colrow).T
-    yield "row_px", "counted from the bottom", np.column_stack([col, bottom])
-    yield "col_px", "counted from the right", np.column_stack([right, row])
-    yield "col_px, row_px", "exchanged", np.column_stack([row, col])
-    yield "col_px, row_px", "in mm from the middle", (size - 1) / 2 + colrow / pixel_mm * [1, -1]
-    yield "col_px, row_px", "in mm from the corner", colrow / pixel_mm - 0.5
+    (col, row), (right, bottom) = colrow.T, (size - 1 - colrow).T
+    both = ("col_px", "row_px")
+    yield both[1:], "counted from the bottom", np.column_stack([col, bottom])
+    yield both[:1], "counted from the right", np.column_stack([right, row])
+    yield both, "exchanged", np.column_stack([row, col])
+    yield both, "in mm from the middle", (size - 1) / 2 + colrow / pixel_mm * [1, -1]
+    yield both, "in mm from the corner", colrow / pixel_mm - 0.5
 
 
 def _plane_readings(xy: Array, grid: GridSystem) -> Iterator[tuple[str, Array]]:
@@ -273,36 +247,49 @@ def _degree_readings(lonlat: Array) -> Iterator[tuple[tuple[str, ...], str, Arra
 # --- The readings of a block: some of its measurements, and the poses of the body
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Reading:
     """A reading of a block.
 
     Attributes
     ----------
-    name : str
-        The change, such as "pitch of opposite sign".
+    table : str
+        Where the numbers stand: a table of the block, "mount" or "".
+    columns : tuple of str
+        Columns that are read otherwise.
+    meaning : str
+        What they were, such as "of opposite sign".
     quantity : {"attitude", "position", "image"}
         Quantity that changes most.
     seen : Sightings
     T_m_b : Pose
         One per exposure of the sightings.
-    table, column, says : str
-        Where the numbers stand, and the end of a sentence that begins with "it looks as if".
     velocity : ndarray, shape (n_exposures, 3), or None
         m/s, where a delay is to be found.
     of_some : bool
         Whether it changes some images only, perhaps too few for the misfit of all.
     """
 
-    name: str
+    table: str
+    columns: tuple[str, ...]
+    meaning: str
     quantity: str
     seen: Sightings
     T_m_b: Pose
-    table: str = ""
-    column: str = ""
-    says: str = ""
     velocity: Array | None = None
     of_some: bool = False
+
+    @property
+    def name(self) -> str:
+        """Columns and meaning, as in "pitch of opposite sign"."""
+        plain = ", ".join(re.sub("_(deg|m|px)$", "", column) for column in self.columns)
+        of_control = " of control points" if self.table == "control_points" else ""
+        return f"{plain}{of_control} {self.meaning}".strip()
+
+    @property
+    def says(self) -> str:
+        """The end of a sentence that begins with "it looks as if"."""
+        return f"{', '.join(self.columns)} were {self.meaning}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -325,16 +312,8 @@ class _Case:
         with np.errstate(all="ignore"):
             T_m_b = poses({n: v[self.rows] for n, v in meaning.numbers.items()}, self.frame)
         if np.isfinite(T_m_b.r).all() and np.isfinite(T_m_b.R).all():
-            last = meaning.columns[-1] if meaning.quantity == "attitude" else meaning.columns[0]
-            yield Reading(
-                name=meaning.name,
-                quantity=meaning.quantity,
-                seen=self.seen,
-                T_m_b=T_m_b,
-                table="trajectory",
-                column=last if last in self.numbers else "exposure",
-                says=f"{', '.join(meaning.columns)} were {meaning.says}",
-            )
+            columns, says, quantity, _ = meaning
+            yield Reading("trajectory", columns, says, quantity, self.seen, T_m_b)
 
     def surveyed(self, columns: tuple[str, ...], says: str, enh: Array) -> Iterator[Reading]:
         """Yield a reading of the surveyed points, if they are on the earth."""
@@ -342,15 +321,8 @@ class _Case:
         with np.errstate(all="ignore"):
             x_m[known] = self.frame.from_grid(enh[known])
         if np.isfinite(x_m[known]).all():
-            yield Reading(
-                name=f"{_plain(columns)} of control points {says}",
-                quantity="position",
-                seen=replace(self.seen, x_m=x_m),
-                T_m_b=self.T_m_b,
-                table="control_points",
-                column=columns[0],
-                says=f"{', '.join(columns)} were {says}",
-            )
+            seen = replace(self.seen, x_m=x_m)
+            yield Reading("control_points", columns, says, "position", seen, self.T_m_b)
 
 
 def _case(block: Block, trajectory: Recorded, seen: Sightings, enh: Array | None = None) -> _Case:
@@ -394,15 +366,8 @@ def _of_pixels(case: _Case) -> Iterator[Reading]:
     size = np.array([[c.width_px, c.height_px] for c in given])[seen.camera_idx]
     pixel_mm = np.array([[c.pixel_mm] for c in given])[seen.camera_idx]
     for columns, meaning, colrow in pixel_readings(seen.colrow, size, pixel_mm):
-        yield Reading(
-            name=f"{columns.replace('_px', '')} {meaning}",
-            quantity="image",
-            seen=replace(seen, colrow=colrow),
-            T_m_b=case.T_m_b,
-            table="image_points",
-            column="row_px",
-            says=f"{columns} were {meaning}",
-        )
+        other = replace(seen, colrow=colrow)
+        yield Reading("image_points", columns, meaning, "image", other, case.T_m_b)
 
 
 # --- Whether surveyed points project near their measurements, and the likely mistake if not
@@ -543,10 +508,14 @@ def _contradiction(
     best, after = _best_explanation(_mistakes(case) if only is None else _turned_cameras(case))
     table, column, camera = "mount" if only is not None else "", "east_m", ""
     if best is not None:
-        table, column = best.table, best.column
+        table = best.table
+        column = best.columns[-1 if best.quantity != "position" else 0] if best.columns else ""
+        column = "exposure" if column == "positions" else column
         where = f" in {files[table]}" if table in files else ""
-        says = best.says or _turned_axes(
-            best.seen.cameras if only is None else [best.seen.cameras[only]]
+        says = (
+            best.says
+            if best.columns
+            else _turned_axes(best.seen.cameras if only is None else [best.seen.cameras[only]])
         )
         found += f"; it looks as if {says}{where} (then {after * allowed:.0f} px)"
     else:
@@ -585,7 +554,7 @@ def _turned_cameras(case: _Case) -> Iterator[Reading]:
         cameras = started(case.seen, case.T_m_b).cameras
     seen = replace(case.seen, cameras=cameras)
     if _upper(_ratio(seen, case.T_m_b), MOST) < TURNED:
-        yield Reading(name="", quantity="attitude", seen=seen, T_m_b=case.T_m_b, table="mount")
+        yield Reading("mount", (), "", "attitude", seen, case.T_m_b)
 
 
 def _turned_axes(cameras: Sequence[Camera]) -> str:
@@ -704,12 +673,17 @@ def _shown(value: float, unit: str) -> str:
     return f"{number}{unit}" if unit == "°" else f"{number} {unit}"
 
 
-def best_reading(flight: Flown, block_name: str) -> Found | None:
+def best_reading(flight: Any, block_name: str) -> Found | None:
     """Return the reading of a block with a much smaller misfit than the given one; or None.
 
     Every usual reading of trajectory, control and image measurements is tried on at most sixty
     images. Mounting and interior orientation are estimated in each. They absorb some errors, such
     as a delay at one speed: these are not found. The principal point absorbs half a pixel.
+
+    Parameters
+    ----------
+    flight : acx4files.flight.Flight
+    block_name : str
 
     Raises
     ------
@@ -731,8 +705,8 @@ def best_reading(flight: Flown, block_name: str) -> Found | None:
         return named or other_unit(block, seen, given)
 
 
-def notes(flight: Flown) -> Iterator[str]:
-    """Yield a sentence for every block that another reading fits much better."""
+def notes(flight: Any) -> Iterator[str]:
+    """Yield a sentence for every block of a `Flight` that another reading fits much better."""
     for name in flight.blocks:
         reading = best_reading(flight, name)
         if reading is not None:
@@ -742,32 +716,31 @@ def notes(flight: Flown) -> Iterator[str]:
 def _readings(block: Block, case: _Case) -> Iterator[Reading]:
     """Yield the usual readings of a block, the simplest first."""
     yield from _of_trajectory(case)
-    given = Reading(name="", quantity="image", seen=case.seen, T_m_b=case.T_m_b)
     if (velocity := _velocities(block, case.seen)) is not None:
-        yield replace(given, name="the clock", quantity="position", velocity=velocity)
+        yield Reading("", (), "", "position", case.seen, case.T_m_b, velocity)
     if np.isfinite(case.enh[:, 0]).any():
         yield from _of_heights(case)
         swapped = case.enh[:, [1, 0, 2]]
         yield from case.surveyed(("east_m", "north_m"), "swapped", swapped)
-    yield from _north_up(given)
+    yield from _north_up(case)
     yield from _of_pixels(case)
 
 
-def _north_up(given: Reading) -> Iterator[Reading]:
+def _north_up(case: _Case) -> Iterator[Reading]:
     """Yield readings with images of one flying direction turned by 180 degrees, shown north up.
 
     The direction is against that of the first exposure, or along it.
     """
-    seen, ahead = given.seen, given.T_m_b.R[:, :2, 0]
+    seen, ahead = case.seen, case.T_m_b.R[:, :2, 0]
     size = np.array([[c.width_px, c.height_px] for c in seen.cameras])[seen.camera_idx]
     against = (ahead @ ahead[0] < 0)[seen.exposure_idx]
     if not against.any() or against.all():
         return
     for turned in (against, ~against):
         colrow = np.where(turned[:, None], size - 1 - seen.colrow, seen.colrow)
-        name = "images of the strips in one direction turned by 180 degrees (shown north up)"
-        turned_back = replace(seen, colrow=colrow)
-        yield replace(given, name=name, quantity="image", seen=turned_back, of_some=True)
+        says = "images of the strips in one direction turned by 180 degrees (shown north up)"
+        back = replace(seen, colrow=colrow)
+        yield Reading("image_points", (), says, "image", back, case.T_m_b, of_some=True)
 
 
 def _promising(others: list[Reading], usual: float) -> list[Reading]:
@@ -824,8 +797,7 @@ def _named(reading: Reading, fit: Mounted) -> Reading:
     if reading.velocity is None:
         return reading
     late = "late" if fit.delay_s < 0 else "early"
-    name = f"positions recorded {abs(fit.delay_s):.2g} s {late}"
-    return replace(reading, name=name)
+    return replace(reading, meaning=f"positions recorded {abs(fit.delay_s):.2g} s {late}")
 
 
 def _found(reading: Reading, given: Mounted, fit: Mounted) -> Found:
@@ -1281,22 +1253,24 @@ PART = 0.25
 SEARCHED_PX = 10.0
 """Misfit, px, from which the size of a pattern that has a limit is searched."""
 
+SEARCHED = 21
+"""Number of sizes that are tried then."""
+
 LEAST_SURVEYED = 4
 """Number of surveyed points from which they may be moved or scaled."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Pattern:
+class _Pattern(NamedTuple):
     """The effect of a mistake on the measurements or on the surveyed points.
 
     Attributes
     ----------
     name : str
         With places for the sizes.
-    by_image, by_point : ndarray, shape (n, 2, k) or (n_points, 3, k)
-        Image coordinates, radians, or meters, per unit of each size; one of them is empty.
     units : tuple of float
         By which the sizes are multiplied for the name.
+    by_image, by_point : ndarray, shape (n, 2, k) or (n_points, 3, k)
+        Image coordinates, radians, or meters, per unit of each size; one of them is None.
     limit : float
         Where residuals are large, the size is searched between minus and plus this limit, since
         linear steps do not lead to it; zero where they do.
@@ -1338,10 +1312,9 @@ def _fitted(
         if pattern.limit and adjusted.misfit > fit.misfit:
             break  # a searched size is not left for a linear step that fits worse
         total, undone, fit = sizes, without, adjusted
-    shown = (unit * size for unit, size in zip(pattern.units, total, strict=True))
+    says = pattern.name.format(*np.multiply(pattern.units, total))
     quantity = "image" if pattern.by_point is None else "position"
-    name = pattern.name.format(*shown)
-    return Reading(name=name, quantity=quantity, seen=undone, T_m_b=T_m_b), fit
+    return Reading("", (), says, quantity, undone, T_m_b), fit
 
 
 def _start(
@@ -1351,15 +1324,11 @@ def _start(
     camera, unchanged = seen.cameras[0], (np.zeros(len(pattern.units)), seen, given)
     if not pattern.limit or given.misfit < SEARCHED_PX * camera.pixel_mm / camera.interior.f:
         return unchanged
-    from scipy import optimize  # noqa: PLC0415 the check is quick where nothing is wrong
-
-    best = optimize.minimize_scalar(
-        lambda size: _fitted_without(pattern, seen, T_m_b, np.array([size]))[1].misfit,
-        bounds=(-pattern.limit, pattern.limit),
-        method="bounded",
-        options={"xatol": 0.005},
-    )
-    sizes = np.array([best.x])
+    fits = [
+        (_fitted_without(pattern, seen, T_m_b, np.array([size]))[1].misfit, size)
+        for size in np.linspace(-pattern.limit, pattern.limit, SEARCHED)
+    ]
+    sizes = np.array([min(fits)[1]])
     undone, fit = _fitted_without(pattern, seen, T_m_b, sizes)
     return (sizes, undone, fit) if fit.misfit < given.misfit else unchanged
 
@@ -1396,27 +1365,15 @@ def _mounted_of_control(seen: Sightings) -> Iterator[_Pattern]:
     surveyed: Mask = np.isfinite(seen.x_m[:, 0])
     if surveyed.sum() < LEAST_SURVEYED:
         return
-    shift = np.zeros((len(surveyed), 3, 2))
-    shift[surveyed] = np.eye(3)[:, :2]
-    yield _Pattern(
-        name="control points moved by {:+.2f} m east and {:+.2f} m north, as from another epoch,",
-        units=(1.0, 1.0),
-        by_point=shift,
-    )
-    raised = np.zeros((len(surveyed), 3, 1))
-    raised[surveyed, 2, 0] = 1.0
-    yield _Pattern(
-        name="control points moved by {:+.1f} m in height, as from another height system,",
-        units=(1.0,),
-        by_point=raised,
-    )
-    scale = np.zeros((len(surveyed), 3, 1))
+    shift, scale = np.zeros((len(surveyed), 3, 3)), np.zeros((len(surveyed), 3, 1))
+    shift[surveyed] = np.eye(3)
     scale[surveyed, :2, 0] = seen.x_m[surveyed, :2] - seen.x_m[surveyed, :2].mean(axis=0)
-    yield _Pattern(
-        name="control points scaled by {:+.0f} ppm, as from the ground to the grid,",
-        units=(1e6,),
-        by_point=scale,
-    )
+    says = "control points moved by {:+.2f} m east and {:+.2f} m north, as from another epoch,"
+    yield _Pattern(says, (1.0, 1.0), by_point=shift[:, :, :2])
+    says = "control points moved by {:+.1f} m in height, as from another height system,"
+    yield _Pattern(says, (1.0,), by_point=shift[:, :, 2:])
+    says = "control points scaled by {:+.0f} ppm, as from the ground to the grid,"
+    yield _Pattern(says, (1e6,), by_point=scale)
 
 
 def _mounted_of_images(
@@ -1428,24 +1385,16 @@ def _mounted_of_images(
         of_camera = seen.camera_idx == k
         xy[of_camera] = xy_from_colrow(camera, seen.colrow[of_camera]) / camera.interior.f
         height[of_camera] = camera.height_px
-    yield _Pattern(
-        name="image coordinates scaled by about {:+.0f} %, as by another focal_mm or pixel_um,",
-        units=(100.0,),
-        by_image=xy[:, :, None],
-        limit=0.5,
-    )
-    wider = np.zeros((len(seen), 2, 1))
-    wider[:, 0, 0] = xy[:, 0]
-    yield _Pattern(name="pixels that are {:+.2f} % wider than high", units=(100.0,), by_image=wider)
+    says = "image coordinates scaled by about {:+.0f} %, as by another focal_mm or pixel_um,"
+    yield _Pattern(says, (100.0,), by_image=xy[:, :, None], limit=0.5)
+    wider = np.stack([xy[:, 0], np.zeros(len(seen))], axis=1)[:, :, None]
+    yield _Pattern("pixels that are {:+.2f} % wider than high", (100.0,), by_image=wider)
     velocity = _velocities(block, seen)
     if velocity is not None:
         share = (seen.colrow[:, 1] - (height - 1) / 2) / height
         moved = _derivatives(seen, T_m_b, given) @ velocity[seen.exposure_idx][:, :, None]
-        yield _Pattern(
-            name="rows read out one after the other, a rolling shutter of {:+.0f} ms,",
-            units=(-1000.0,),
-            by_image=share[:, None, None] * moved,
-        )
+        says = "rows read out one after the other, a rolling shutter of {:+.0f} ms,"
+        yield _Pattern(says, (-1000.0,), by_image=share[:, None, None] * moved)
 
 
 def _velocities(block: Block, seen: Sightings) -> Array | None:
