@@ -44,10 +44,15 @@ Numbers = Mapping[str, Array]
 
 
 class Recorded(Protocol):
-    """A trajectory as its file has it: names, with the column exposure, and numbers."""
+    """A trajectory as its file has it."""
 
-    text: Mapping[str, Sequence[str]]
-    numbers: dict[str, Array]
+    @property
+    def text(self) -> Mapping[str, Sequence[str]]:
+        """Names, with the column exposure."""
+
+    @property
+    def numbers(self) -> Numbers:
+        """All other columns that are known."""
 
 
 # --- What the numbers of a trajectory, of heights and of pixels may mean, the simplest first
@@ -142,8 +147,8 @@ def _angle_readings(
     ):
         yield (heading,), says, [values]
     yield (roll, pitch), "exchanged", [b, a]
-    for flipped, i, j in (("the first", -1, 1), ("the second", 1, -1), ("both", -1, -1)):
-        yield (roll, pitch), f"exchanged, then {flipped} of opposite sign", [i * b, j * a]
+    for turned, i, j in (("the first", -1, 1), ("the second", 1, -1), ("both", -1, -1)):
+        yield (roll, pitch), f"exchanged, then {turned} of opposite sign", [i * b, j * a]
     yield (roll, heading), "exchanged", [c, a]
     yield (pitch, heading), "exchanged", [c, b]
     if not with_north:
@@ -289,7 +294,8 @@ class Reading:
     @property
     def says(self) -> str:
         """The end of a sentence that begins with "it looks as if"."""
-        return f"{', '.join(self.columns)} were {self.meaning}"
+        columns = ", ".join(self.columns).replace("east_m, north_m", "east_m and north_m")
+        return f"{columns} were {self.meaning}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -397,6 +403,9 @@ FAR = 50_000.0
 
 NO_TURN = np.radians(3.0)
 """Mounting angles below which a camera has the axes of the body."""
+
+NEARLY = 0.98
+"""Cosine from which a turn is about an axis."""
 
 NAMED = 10
 """Number of cameras that a sentence names."""
@@ -512,11 +521,9 @@ def _contradiction(
         column = best.columns[-1 if best.quantity != "position" else 0] if best.columns else ""
         column = "exposure" if column == "positions" else column
         where = f" in {files[table]}" if table in files else ""
-        says = (
-            best.says
-            if best.columns
-            else _turned_axes(best.seen.cameras if only is None else [best.seen.cameras[only]])
-        )
+        of = slice(None) if only is None else slice(only, only + 1)
+        turned = _turned_axes(block.cameras[of], best.seen.cameras[of])
+        says = best.says if best.columns else turned
         found += f"; it looks as if {says}{where} (then {after * allowed:.0f} px)"
     else:
         found += f"; {_whereabouts(block)}" if only is None else "; no turn of its axes explains it"
@@ -557,14 +564,18 @@ def _turned_cameras(case: _Case) -> Iterator[Reading]:
         yield Reading("mount", (), "", "attitude", seen, case.T_m_b)
 
 
-def _turned_axes(cameras: Sequence[Camera]) -> str:
+def _turned_axes(declared: Sequence[Camera], cameras: Sequence[Camera]) -> str:
     """Return the end of a sentence on the mounting angles that fit."""
+    turned = np.degrees(log(declared[0].T_b_c.R.T @ cameras[0].T_b_c.R))
+    axis = int(np.argmax(np.abs(turned)))
+    by = f" by {(turned[axis] + 179.5) % 360 - 179.5:.0f} degrees about {'xyz'[axis]}"
+    by = by if abs(turned[axis]) > NEARLY * np.linalg.norm(turned) else ""
     opk = {camera.name: np.round(np.degrees(camera.T_b_c.opk)) + 0.0 for camera in cameras}
     listed = [f"{name} {o:.0f}, {p:.0f}, {k:.0f}" for name, (o, p, k) in opk.items()]
     listed = [*listed[:NAMED], "…"] if len(listed) > NAMED else listed
     body = len(cameras) == 1 and np.allclose(cameras[0].T_b_c.R, np.eye(3), atol=NO_TURN)
     return (
-        "the camera axes were turned: mount_omega_deg, mount_phi_deg, mount_kappa_deg of "
+        f"the camera axes were turned{by}: mount_omega_deg, mount_phi_deg, mount_kappa_deg of "
         f"{'; '.join(listed)} would fit"
         + (", or the angles are of the camera, not of the body" if body else "")
     )
