@@ -135,14 +135,17 @@ def check(flight: terminal.Flight) -> None:
     from acx4files.conventions import notes  # noqa: PLC0415 quick help
     from acx4files.flight.reader import read  # noqa: PLC0415 quick help
     from acx4files.flight.summary import summary  # noqa: PLC0415 quick help
-    from acx4files.images.image_files import is_cut_off  # noqa: PLC0415 quick help
     from acx4lib.errors import FlightError  # noqa: PLC0415 quick help
 
     flown = read(flight)
-    files = (path for paths in flown.image_files.values() for path in paths if path is not None)
-    if truncated := [path for path in files if is_cut_off(path)]:
+    files = [path for paths in flown.image_files.values() for path in paths if path is not None]
+    if files:
+        from acx4files.images.image_files import is_cut_off  # noqa: PLC0415 slow to import
+
+        files = [path for path in files if is_cut_off(path)]
+    if files:
         says = "is cut off, its pixels have no end; copy it again"
-        raise FlightError([f"{path}: {says}" for path in truncated])
+        raise FlightError([f"{path}: {says}" for path in files])
     terminal.show(summary(replace(flown, notes=(*flown.notes, *notes(flown)))))
 
 
