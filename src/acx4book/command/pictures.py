@@ -80,7 +80,7 @@ def measure(  # noqa: PLR0913, PLR0917 every option is an argument
     with stage_bars("pairs") as tell, where.maybe_executor() as executor:
         outcomes = measure_flight(flight, out, options=options, executor=executor, tell=tell)
     if show_in is not None:
-        with own_folder.placed(show_in, command="acx4 measure --show") as draft:
+        with own_folder.placed(show_in) as draft:
             write_pictures(outcomes, draft)
     say_if_not_kept()
     for outcome in outcomes:

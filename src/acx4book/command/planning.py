@@ -94,10 +94,8 @@ def _write(design: Design, source: str, out: Path) -> None:
     drawing = vector(block_maps(*design.blocks.values()))
     content["plan.svg"] = drawing.replace("<svg ", '<svg style="background: #fff" ', 1) + "\n"
     content["plan.toml"] = source
-    with own_folder.claim(out, command="acx4 plan") as folder:
-        folder.expect(content)
+    with own_folder.claim(out, signs=["plan.svg"]):
         whole_files.write_all({out / name: written for name, written in content.items()})
-        folder.seal()
     terminal.show(f"\n{out}: {', '.join(content)}")
 
 
@@ -197,7 +195,7 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
     processors.keep_memory()
     with (
         terminal.stage_bars("rows") as tell,
-        own_folder.placed(out, command="acx4 simulate") as draft,
+        own_folder.placed(out) as draft,
     ):
         write(flight, draft, tell=tell)
     terminal.show(f"{out}; its truth in {truth}")
