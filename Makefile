@@ -50,7 +50,6 @@ NOTEBOOKS := $(wildcard notebooks/*.ipynb)
 SOURCES   := $(shell find src -name '*.py' 2>/dev/null)
 
 # Make removes only what bears a mark: of acx4, which lists its files, or of make.
-CLEAR      = PYTHONPATH=src $(firstword $(wildcard $(BIN)/python) '$(PYTHON)') -m acx4files.results.own_folder
 BOOK      := book/_build book/_executed book/_generated
 define REMOVE_BOOK
 for made in $(BOOK); do \
@@ -143,7 +142,7 @@ chain: .venv/.stamp-test ## adjust simulated flights with and without a syntheti
 # The flights that ship are simulated: the same seed, the same bytes. Only the first has pictures.
 data/flights/acx4/flight.toml: PICTURES = --images '$(IMAGES)' --reduce '$(REDUCE)'
 $(SHIPPED:%=%/flight.toml): $(shell find src/acx4sim -name '*.py') | .venv/.stamp
-	@$(CLEAR) $(@D)
+	@rm -rf $(@D)
 	@$(BIN)/acx4 simulate $(notdir $(@D)) --out $(@D) $(PICTURES)
 	@echo $(@D)
 
@@ -215,7 +214,7 @@ reference-results: .venv/.stamp ## compute what the book shows of these anew, an
 
 clean: ## remove all that was made, except .venv and the reference data
 	@$(REMOVE_BOOK)
-	@$(CLEAR) $(SHIPPED) $(SHIPPED:%=%.truth.json) build/results/* build/books/* || true
+	@rm -rf $(SHIPPED) $(SHIPPED:%=%.truth.json) build/results/data-flights-* build/books/data-flights-*
 	@rm -rf build/stamps build/chapters build/release
 	@rmdir build/results build/books build data/flights 2> /dev/null || true
 	@rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

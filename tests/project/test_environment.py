@@ -11,7 +11,6 @@ import pytest
 import yaml
 
 import acx4 as acx
-from acx4files.results.own_folder import mark_all
 from acx4sim.designs import DESIGNS
 from support.helpers import ROOT
 
@@ -202,23 +201,21 @@ def test_the_ideal_flight_is_run_beside_the_one_that_ships_and_beside_no_other(c
 @needs_make
 def test_clean_removes_what_was_made_and_nothing_else(copy):
     mine = {
-        *("data/flights/mine/flight.toml", "data/flights/acx4/my notes", "build/results/mine/x"),
-        "build/results/other/my notes",
+        *("data/flights/mine/flight.toml", "build/results/mine/x"),
     }
     made = {
         *("data/flights/acx4/flight.toml", "data/flights/acx4/heads/images.csv"),
-        "data/flights/acx4-ideal/flight.toml",
-        *("build/results/other/parameters.csv", "book/_build/html/index.html", "build/stamps/x"),
+        *("data/flights/acx4-ideal/flight.toml", "data/flights/acx4.truth.json"),
+        *(
+            "build/results/data-flights-acx4/parameters.csv",
+            "book/_build/html/index.html",
+            "build/stamps/x",
+        ),
     }
     for name in made:
         (copy / name).parent.mkdir(parents=True, exist_ok=True)
         (copy / name).write_text(name)
-    for name in ("acx4", "acx4-ideal"):
-        mark_all(copy / f"data/flights/{name}", "acx4 simulate")
-        truth = copy / f"data/flights/{name}.truth.json"
-        truth.write_text('{"made_by": "acx4 simulate"}')
     (copy / "book/_build/.made-by-make").write_text("")
-    mark_all(copy / "build/results/other", "acx4 run")
     for name in mine:
         (copy / name).parent.mkdir(parents=True, exist_ok=True)
         (copy / name).write_text(name)
@@ -231,4 +228,3 @@ def test_clean_removes_what_was_made_and_nothing_else(copy):
         if path.is_file()
     }
     assert left == mine
-    assert "build/results/mine: bears no mark of acx4" in done.stderr

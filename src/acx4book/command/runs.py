@@ -176,7 +176,7 @@ def is_whole(flight: Flight, results: Path, settings: Settings) -> bool:
     try:
         if not folder.is_whole(results):
             return False
-        record, given = provenance.read(results), settings.calibration
+        record, given = provenance.read_run(results).provenance, settings.calibration
         calibration = earlier.read(given, flight).origin if given else None
     except Acx4Error:  # a run reports or mends the error
         return False

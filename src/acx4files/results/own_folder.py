@@ -38,13 +38,17 @@ def locked(folder: Path, *, wait: float = WAIT) -> Iterator[None]:
     """
     with contextlib.closing(sqlite3.connect(folder / LOCK, wait, isolation_level=None)) as lock:
         try:
+            lock.execute("PRAGMA journal_mode = MEMORY")  # no further file
             lock.execute("BEGIN EXCLUSIVE")
         except sqlite3.OperationalError as error:
             msg = f"{folder}: another process is writing there; try again later ({error})"
             raise OutputError(msg) from None
-        yield
-    if not wait:
-        (folder / LOCK).unlink(missing_ok=True)
+        try:
+            yield
+        finally:
+            if not wait:
+                with contextlib.suppress(PermissionError):  # of systems that keep open files
+                    (folder / LOCK).unlink(missing_ok=True)
 
 
 @contextlib.contextmanager

@@ -165,7 +165,8 @@ def results_before(folder: str | Path, stages: Sequence[str], flight: Flight) ->
     elif not path.is_dir():
         raise FlightError([_not_run(path, stages, flight)])
     last = max(map(STAGES.index, stages), default=len(STAGES) - 2)
-    found = results.read(path, rewriting=STAGES[last + 1 :])
+    with own_folder.locked(path):  # another notebook may be writing
+        found = results.read(path, rewriting=STAGES[last + 1 :])
     lacking = [stage for stage in stages if not results.has(found, stage)]
     if lacking:
         raise FlightError([_not_run(path, lacking, flight)])
