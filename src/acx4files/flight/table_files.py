@@ -406,6 +406,8 @@ def named_file(flight: Path, folder: Path, name: str) -> tuple[Path | None, str]
 
 def _content(path: Path, most: int | None) -> tuple[int, bytes | None]:
     """Return size and content of a regular file; no content where it is too large."""
+    if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
+        raise OSError(None, "no regular file")  # reading a pipe may never end
     with path.open("rb") as file:
         size = os.fstat(file.fileno()).st_size
         if size > most if most else not fits(size):
