@@ -375,7 +375,7 @@ def fits(size: int) -> bool:
 
 def free_memory() -> int:
     """Return the memory that this process can still get, bytes, according to the system."""
-    known = [_meminfo(), _group_limit(), system.free_addresses()]
+    known = [_meminfo(), _group_limit()]
     return min(free for free in known if free is not None)
 
 
