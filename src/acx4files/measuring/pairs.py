@@ -64,7 +64,7 @@ class MatchOptions:
     def __post_init__(self) -> None:
         expected.whole("search_px", self.search_px)
         for name in ("largest_sigma_px", "epipolar_px"):
-            expected.size(name, getattr(self, name))
+            expected.positive(name, getattr(self, name), zero=True)
 
     @property
     def side(self) -> int:
