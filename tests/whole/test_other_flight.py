@@ -85,7 +85,7 @@ def test_a_run_of_all_stages_replaces_the_results_of_a_flight_that_was_changed(f
 
 def test_a_stage_by_itself_refuses_the_results_of_another_flight(flown, tmp_path):
     mounting.run(reader.read(flown / "A"), tmp_path / "by_hand")
-    with pytest.raises(FlightError, match="of another flight .* or choose another folder"):
+    with pytest.raises(FlightError, match=r"of another flight .* or choose another folder"):
         validation.run(reader.read(flown / "B"), tmp_path / "by_hand")
     assert not [name for name in folder.entries(tmp_path / "by_hand") if "validation" in name]
 
@@ -175,12 +175,12 @@ def test_sigma_of_the_earlier_parameters_enters_the_differences(flown, tmp_path)
 def test_open_calls_with_an_earlier_calibration_leave_what_a_run_leaves(flown, tmp_path):
     later, before = reader.read(flown / "B"), flown / "results_A"
     one, two = tmp_path / "one", tmp_path / "two"
-    stage = validation.run(later, one, before)
+    validation.run(later, one, before)
     block = validation.measured(later, two, before)
     methods = validation.calibrations(later, two, before)
     found = {name: validate(block, fit, method=name) for name, fit in methods.items()}
     validation.write(later, two, found, methods, before)
-    assert validation.whose(later, before) == stage.earlier
+    assert digest(flown / "A")[:12] in validation.whose(later, before)
     assert validation.whose(later, "") == ""
     for name in ("validation.csv", "summary.json"):
         assert (two / name).read_bytes() == (one / name).read_bytes()

@@ -25,7 +25,6 @@ from acx4book.notebooks import runner
 from acx4files.flight import reader
 from acx4files.flight.reader import Flight
 from acx4files.flight.tables import name_fault
-from acx4files.opening import text_of
 from acx4files.results import earlier, folder, own_folder, provenance, whole_files
 from acx4files.results.table_files import NOTEBOOKS, PART_OF
 from acx4files.stages import order
@@ -227,14 +226,14 @@ def _simulate(job: Job) -> None:
     from acx4book.notebooks import simulated  # noqa: PLC0415 most flights are not simulated
     from acx4sim.files import write  # noqa: PLC0415 as above
 
-    plan = text_of(Path(job.design)) if simulated.is_plan(job.design) else ""
+    plan = Path(job.design).read_text("utf-8-sig") if simulated.is_plan(job.design) else ""
     beside = f"{job.flight.name}.plan.toml"
     if not job.flight.exists():
         with own_folder.placed(job.flight) as draft:
             write(simulated.fly(job.design, seed=job.seed), draft)
             if plan:
                 whole_files.write(draft.with_name(beside), plan)
-    elif plan and text_of(job.flight.with_name(beside)) != plan:
+    elif plan and job.flight.with_name(beside).read_text("utf-8-sig") != plan:
         says = f"was flown by another plan than {job.design} is now; choose another folder"
         raise OutputError(f"{job.flight}: {says} for the results, or remove this one")
 
@@ -246,11 +245,12 @@ def _row(results: Path) -> dict[str, str]:
     if "mounting" in stages:
         entry = summary.get(f"mounting/{METHOD}", {})
         row |= {name: json.dumps(entry[name]) for name in _ADJUSTMENT if name in entry}
-        for line in csv.DictReader(io.StringIO(text_of(results / "parameters.csv"), newline="")):
-            if (line["stage"], line["method"]) == ("mounting", METHOD):
-                row |= {"camera": line["camera"]} if line["camera"] else {}
-                row[line["parameter"]] = line["value"]
-                row[f"sigma_{line['parameter']}"] = line["sigma"]
+        with (results / "parameters.csv").open(encoding="utf-8", newline="") as file:
+            for line in csv.DictReader(file):
+                if (line["stage"], line["method"]) == ("mounting", METHOD):
+                    row |= {"camera": line["camera"]} if line["camera"] else {}
+                    row[line["parameter"]] = line["value"]
+                    row[f"sigma_{line['parameter']}"] = line["sigma"]
     if "validation" in stages:
         entry = summary.get(f"validation/{METHOD}") or summary.get("validation/given", {})
         row |= {"n_check_points": json.dumps(entry["n_points"])} if "n_points" in entry else {}

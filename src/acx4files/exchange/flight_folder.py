@@ -25,7 +25,6 @@ from acx4files.flight.problems import lines_of
 from acx4files.flight.table_files import Columns
 from acx4files.flight.tables import name_fault
 from acx4files.flight.toml_file import read_toml
-from acx4files.opening import text_of
 from acx4files.results import own_folder, whole_files
 from acx4lib.errors import FlightError, OutputError
 from acx4lib.geometry.geodesy import LOCAL
@@ -258,7 +257,7 @@ def _settings(folder: Path, imported: Mapping[str, Any]) -> str:
 
 
 def _read(path: Path) -> str:
-    return text_of(path) if path.exists() else ""
+    return path.read_text("utf-8-sig") if path.exists() else ""
 
 
 def _place(folder: Path, texts: Mapping[str, str], files: Mapping[str, Path]) -> None:
