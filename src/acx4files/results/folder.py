@@ -33,9 +33,9 @@ RUN = "run"
 """Object of summary.json on all stages: flight, software, and the SHA-256 of every table."""
 
 FORMAT = 2
-"""Version of results; 1 had its object `RUN` in the file `EARLIER`."""
+"""Version of results; 1 had its object `RUN` in the first file of `EARLIER`."""
 
-EARLIER = "provenance.json"
+EARLIER = ("provenance.json", ".acx4.json")
 
 AGAIN = "run all stages again"
 
@@ -155,7 +155,7 @@ def read_summary(folder: Path) -> tuple[Summary, dict[str, Any]]:
         Where the file is there and not of a run.
     """
     summary = _object(folder / "summary.json")
-    run = summary.pop(RUN, None) or _object(folder / EARLIER)
+    run = summary.pop(RUN, None) or _object(folder / EARLIER[0])
     strange = [key for key, entry in summary.items() if not _is_entry(key, entry)]
     if strange:
         problem = f"{folder / 'summary.json'}: {strange[0]} is not of a stage of acx4 run"
@@ -263,7 +263,8 @@ def replace(
             digests[f"{name}.csv"] = digest.hexdigest()
         done = {**new_run, "format": FORMAT, "tables": digests}
         new.write(path / "summary.json", _summary_text({**entries, **summary}, done))
-    (path / EARLIER).unlink(missing_ok=True)
+    for file in EARLIER:
+        (path / file).unlink(missing_ok=True)
 
 
 def _remaining(
