@@ -63,7 +63,7 @@ def measure(
     with terminal.stage_bars("pairs") as tell, pool as executor:
         outcomes = measure_flight(flight, out, options=options, executor=executor, tell=tell)
     if show_in is not None:
-        with own_folder.placed(show_in, command="acx4 measure --show") as draft:
+        with own_folder.placed(show_in) as draft:
             write_pictures(outcomes, draft)
     terminal.say_if_not_kept()
     for outcome in outcomes:

@@ -62,7 +62,6 @@ def plan(
     """Predict what a flight will determine."""
     from acx4book.planning import design, tables  # noqa: PLC0415 quick help
     from acx4book.planning import plan as plans  # noqa: PLC0415 quick help
-    from acx4files.opening import text_of  # noqa: PLC0415 quick help
 
     if out is not None:
         terminal.need_book("plan --out")
@@ -70,7 +69,7 @@ def plan(
     predicted = design.of(planned, winds=design.usual_winds(planned))
     terminal.show("\n".join(tables.lines(predicted)))
     if out is not None:
-        _write(predicted, text_of(file), out)
+        _write(predicted, file.read_text("utf-8-sig"), out)
     if tables.sentences(predicted):
         raise typer.Exit(NOT_DETERMINED)
 
@@ -94,10 +93,8 @@ def _write(design: Design, source: str, out: Path) -> None:
     drawing = vector(block_maps(*design.blocks.values()))
     content["plan.svg"] = drawing.replace("<svg ", '<svg style="background: #fff" ', 1) + "\n"
     content["plan.toml"] = source
-    with own_folder.claim(out, command="acx4 plan") as folder:
-        folder.expect(content)
+    with own_folder.claim(out, signs=["plan.svg"]):
         whole_files.write_all({out / name: written for name, written in content.items()})
-        folder.seal()
     terminal.show(f"\n{out}: {', '.join(content)}")
 
 
@@ -187,7 +184,7 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
     processors.keep_memory()
     with (
         terminal.stage_bars("rows") as tell,
-        own_folder.placed(out, command="acx4 simulate") as draft,
+        own_folder.placed(out) as draft,
     ):
         write(flight, draft, tell=tell)
     terminal.show(f"{out}; its truth in {truth}")

@@ -25,7 +25,6 @@ from acx4book.notebooks import runner
 from acx4files.flight import reader
 from acx4files.flight.reader import Flight
 from acx4files.flight.tables import name_fault
-from acx4files.opening import text_of
 from acx4files.results import earlier, folder, own_folder, provenance, whole_files
 from acx4files.results.table_files import NOTEBOOKS, PART_OF
 from acx4files.stages import order
@@ -174,9 +173,9 @@ def _begin() -> None:
 def is_whole(flight: Flight, results: Path, settings: Settings) -> bool:
     """Tell by digests whether results are as a run of this flight and software left them."""
     try:
-        if own_folder.changes(results):
+        if not folder.is_whole(results):
             return False
-        record, given = provenance.read(results), settings.calibration
+        record, given = provenance.read_run(results).provenance, settings.calibration
         calibration = earlier.read(given, flight).origin if given else None
     except Acx4Error:  # a run reports or mends the error
         return False
@@ -227,32 +226,31 @@ def _simulate(job: Job) -> None:
     from acx4book.notebooks import simulated  # noqa: PLC0415 most flights are not simulated
     from acx4sim.files import write  # noqa: PLC0415 as above
 
-    plan = text_of(Path(job.design)) if simulated.is_plan(job.design) else ""
+    plan = Path(job.design).read_text("utf-8-sig") if simulated.is_plan(job.design) else ""
     beside = f"{job.flight.name}.plan.toml"
     if not job.flight.exists():
-        with own_folder.placed(job.flight, command="acx4 simulate") as draft:
+        with own_folder.placed(job.flight) as draft:
             write(simulated.fly(job.design, seed=job.seed), draft)
             if plan:
                 whole_files.write(draft.with_name(beside), plan)
-    elif plan and text_of(job.flight.with_name(beside)) != plan:
+    elif plan and job.flight.with_name(beside).read_text("utf-8-sig") != plan:
         says = f"was flown by another plan than {job.design} is now; choose another folder"
         raise OutputError(f"{job.flight}: {says} for the results, or remove this one")
 
 
 def _row(results: Path) -> dict[str, str]:
     """Return what the results say of the flight now kept there, by `COLUMNS`, as text."""
-    if not (results / provenance.FILE).is_file():
-        return {}
     record, summary, row = provenance.read(results), folder.entries(results), dict[str, str]()
     stages = [name for name, run in record.stages.items() if run["flight"] == record.digest]
     if "mounting" in stages:
         entry = summary.get(f"mounting/{METHOD}", {})
         row |= {name: json.dumps(entry[name]) for name in _ADJUSTMENT if name in entry}
-        for line in csv.DictReader(io.StringIO(text_of(results / "parameters.csv"), newline="")):
-            if (line["stage"], line["method"]) == ("mounting", METHOD):
-                row |= {"camera": line["camera"]} if line["camera"] else {}
-                row[line["parameter"]] = line["value"]
-                row[f"sigma_{line['parameter']}"] = line["sigma"]
+        with (results / "parameters.csv").open(encoding="utf-8", newline="") as file:
+            for line in csv.DictReader(file):
+                if (line["stage"], line["method"]) == ("mounting", METHOD):
+                    row |= {"camera": line["camera"]} if line["camera"] else {}
+                    row[line["parameter"]] = line["value"]
+                    row[f"sigma_{line['parameter']}"] = line["sigma"]
     if "validation" in stages:
         entry = summary.get(f"validation/{METHOD}") or summary.get("validation/given", {})
         row |= {"n_check_points": json.dumps(entry["n_points"])} if "n_points" in entry else {}
@@ -278,10 +276,8 @@ def run_all(
     found: dict[str, Outcome] = {}
     for job in jobs:
         tell(job.name, 0, 1)
-    with own_folder.claim(
-        folder, command="acx4 run of many flights", away_from=away_from
-    ) as claimed:
-        claimed.expect([TABLE])
+    with own_folder.claim(folder, signs=[TABLE], away_from=away_from):
+        whole_files.write(folder / TABLE, _table({}))  # by which the folder is known, if this ends
         try:
             for job, call in as_finished(pool, _run, jobs):
                 found[job.name] = _outcome(call)
@@ -289,7 +285,6 @@ def run_all(
         finally:
             found = {job.name: found[job.name] for job in jobs if job.name in found}
             whole_files.write(folder / TABLE, _table(found))
-            claimed.seal()
     return found
 
 

@@ -19,7 +19,6 @@ from acx4book.report.material import Material, block_of
 from acx4book.report.parameters import head_table
 from acx4book.typesetting import style
 from acx4book.typesetting.myst import p_value, value_and_sigma
-from acx4files.opening import opened
 from acx4files.results import folder
 from acx4files.results.provenance import KEPT
 from acx4lib.block import Block
@@ -275,7 +274,7 @@ def boresights(material: Material) -> pd.DataFrame:
 def _exposure_times(material: Material, block: Block) -> pd.Series:
     """Return the times of a block's exposures, s, by their names; NaN where not given."""
     path = material.folder / KEPT / block.name / "trajectory.csv"
-    with opened(path) as file:
+    with path.open("rb") as file:
         table = pd.read_csv(file, dtype=str, keep_default_na=False, encoding="utf-8-sig")
     table.columns = table.columns.str.strip()
     times = table["time_s"] if "time_s" in table else pd.Series("", index=table.index)

@@ -38,7 +38,6 @@ from acx4book.report.parameters import Lens, balanced, corners, correlations, le
 from acx4book.typesetting import maps, matrix
 from acx4book.typesetting.plain_text import shown
 from acx4book.typesetting.svg import vector
-from acx4files.opening import text_of
 from acx4files.results import folder, whole_files
 from acx4files.results.own_folder import check_file
 from acx4lib.block import Block
@@ -336,7 +335,7 @@ def write_pdf(out: str | Path) -> Path:
     out = Path(out)
     check_pdf(out)
     place = out.with_suffix(".pdf")
-    whole_files.write(place, typeset.pdf(text_of(out)))
+    whole_files.write(place, typeset.pdf(out.read_text("utf-8-sig")))
     return place
 
 

@@ -16,7 +16,6 @@ from acx4files.flight.problems import NO_ROWS, Problem
 from acx4files.flight.settings import Setup
 from acx4files.flight.table_files import read_columns
 from acx4files.flight.tables import GEOGRAPHIC, SCHEMAS, SIGMA_ATTITUDE, SIGMA_POSITION, Table
-from acx4files.opening import opened
 from acx4lib.block import Block, Distances, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.frames import Pose
@@ -133,7 +132,7 @@ def _lacks(path: Path) -> bool:
     """Tell whether a table is missing, or has no row under its header."""
     if not path.is_file():
         return True
-    with opened(path) as file:
+    with path.open("rb") as file:
         rows = (line for line in file if line.strip())
         return next(rows, None) is None or next(rows, None) is None
 

@@ -28,7 +28,6 @@ from acx4files.flight.tables import (
     read_header,
     read_rows,
 )
-from acx4files.opening import opened
 from acx4lib import system
 from acx4lib.expected import Array, Index, Mask, given
 
@@ -407,7 +406,7 @@ def named_file(flight: Path, folder: Path, name: str) -> tuple[Path | None, str]
 
 def _content(path: Path, most: int | None) -> tuple[int, bytes | None]:
     """Return size and content of a regular file; no content where it is too large."""
-    with opened(path) as file:
+    with path.open("rb") as file:
         size = os.fstat(file.fileno()).st_size
         if size > most if most else not fits(size):
             return size, None
@@ -421,7 +420,7 @@ def fits(size: int) -> bool:
 
 def free_memory() -> int:
     """Return the memory that this process can still get, bytes, according to the system."""
-    known = [_meminfo(), _group_limit(), system.free_addresses()]
+    known = [_meminfo(), _group_limit()]
     return min(free for free in known if free is not None)
 
 

@@ -15,12 +15,12 @@ from acx4book.command.acx4 import main
 from acx4book.notebooks import runner
 from acx4files.results import folder as results
 from acx4files.results import provenance
-from acx4files.results.own_folder import MARK
+from acx4files.results.own_folder import LOCK
 from support.flights.written import change
 from support.helpers import hears_interrupts, repeats, write_notebook
 
 COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]
-LEFT = {*results.FILES, provenance.FILE, provenance.KEPT, MARK}
+LEFT = {*results.FILES, provenance.KEPT, LOCK}
 PARAMETERS = "flight_path = ''\nresults_path = ''\nseed = 1"
 
 

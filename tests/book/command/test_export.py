@@ -201,7 +201,7 @@ def test_a_quiz_is_two_question_banks_and_no_flight(with_key, tmp_path):
     lab = ("lab", "2", "--student", "Ada", "--key", "key.txt", "--quiz")
     assert with_key(*lab) == (0, "quiz-2-ada\n", "")
     files = {path.name for path in (tmp_path / "quiz-2-ada").iterdir()}
-    assert files == {"questions.gift", ".acx4.json"}
+    assert files == {"questions.gift"}
     assert with_key(*lab)[0] == 2  # it is there already
 
 
