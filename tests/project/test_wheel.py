@@ -140,8 +140,9 @@ def test_the_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel):
     expected = {path.relative_to(ROOT / "src").as_posix() for path in sources}
     expected |= {f"{house}/py.typed" for house in HOUSES}
     expected |= {"acx4book/pages/study.md", "acx4book/paper/errata.md"}
-    expected |= {f"acx4book/report/report.{kind}" for kind in ("css", "md", "typ")}
-    expected |= {f"acx4book/report/{name}.md" for name in ("consequences", "method")}
+    expected |= {
+        f"acx4book/report/{name}" for name in ("consequences.md", "report.html", "report.typ")
+    }
     for place, files in (
         ("acx4book/chapters/stored", "data/benchmarks/measured_flights*"),
         ("acx4book/chapters/stored", "data/benchmarks/closed_chain*"),

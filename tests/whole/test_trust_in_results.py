@@ -84,10 +84,7 @@ def test_the_report_of_a_strangers_results_is_text(own, typed):
     assert typed("report", folder) == (0, [])
     page = BeautifulSoup((folder / "report.html").read_text(), "html.parser")
     assert EVIL in page.get_text()
-    pictures = [image["src"] for image in page.find_all("img")]
-    assert pictures
-    assert all(source.startswith("data:image/svg+xml;base64,") for source in pictures)
-    assert not page.find_all(["a", "script", "iframe", "object", "link"])
+    assert not page.find_all(["a", "img", "script", "iframe", "object", "link"])
     assert not [code for code in page.find_all("code") if "eval" in code.get_text()]
 
 

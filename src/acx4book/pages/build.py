@@ -37,6 +37,7 @@ from acx4book.report import findings, material, page
 from acx4book.report.material import Material
 from acx4book.teaching import solutions
 from acx4book.typesetting.myst import myst_table, numbered
+from acx4book.typesetting.plain_text import shown
 from acx4book.typesetting.svg import vector
 from acx4files.flight.reader import Flight, read_kept
 from acx4files.results import agreement, own_folder, whole_files
@@ -472,11 +473,13 @@ def certificate_page(run: Material, report: str) -> str:
         Address of the report beside the page; the same as JSON has the ending .json.
     """
     answers = findings.findings(run)
+    told = findings.statement(answers)
     json = f"{report.removesuffix('.html')}.json"
     return "\n\n".join(
         [
             "*Can this calibration be used?*",
-            findings.statement(answers),
+            f"**{told['title']}.**",
+            *(shown(sentence) for sentence in told["sentences"]),
             f'<a href="{report}">Open the report</a>, one file to print and to keep. Beside it '
             f'lies the same as <a href="{json}">JSON</a>.',
             myst_table(findings.verdict_table(answers), "Findings", name="tab-findings"),
