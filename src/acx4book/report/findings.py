@@ -697,17 +697,13 @@ def _refined(material: Material) -> Iterator[Finding]:
 
 def _notes(material: Material) -> Iterator[Finding]:
     """Repeat the run's messages: weak parameters, methods without certificate, notes."""
-    certified = _certified(material)
-    names = (*material.decisive, validated(material))
-    said = _messages(material, material.found.summary, "weak")
-    weak = [
-        line.partition(": ")[2] for line in said if line.startswith(tuple(f"{n}: " for n in names))
-    ]
-    others = [name for name in material.found.summary if name not in certified]
+    certified, summary = _certified(material), material.found.summary
+    weak = [line.partition(": ")[2] for line in _messages(material, certified, "weak")]
+    others = [name for name in summary if name not in certified]
     left_open = _messages(material, others, "not_determined", "stopped")
     left_open += ["this report does not certify these methods"] if left_open else []
-    told = _messages(material, material.found.summary, "left_out", "notes")
-    told = [*dict.fromkeys([*told, *material.flight.notes])]
+    told = [*_messages(material, summary, "left_out", "notes"), *material.flight.notes]
+    told = [line for line in told if line not in left_open]
     by_question = {"Weak parameters": weak, "Other methods": left_open, "Said by the run": told}
     for question, lines in by_question.items():
         if lines:
@@ -770,12 +766,10 @@ def statement(found: Sequence[Finding]) -> dict[str, Any]:
     failed = [f for f in found if f.state == FAILS]
     tests = [test for finding in found for test in finding.tests]
     limits = [f.restriction for f in found if f.state == MINOR and f.restriction and not failed]
-    order = [*CONSEQUENCES]
-    gravest_first = sorted(
-        failed,
-        key=lambda f: (not f.is_cause, order.index(f.question) if f.question in order else -1),
-    )
-    failures = [CONSEQUENCES.get(f.question, Failure(f.question, *UNKNOWN)) for f in gravest_first]
+    failures = [
+        CONSEQUENCES.get(f.question, Failure(f.question, *UNKNOWN))
+        for f in sorted(failed, key=_gravity)
+    ]
     state, title = HOLDS, "The results hold"
     if failed:
         state, title = FAILS, "Not everything holds"
@@ -796,6 +790,14 @@ def statement(found: Sequence[Finding]) -> dict[str, Any]:
             _level(tests),
         ],
     }
+
+
+def _gravity(finding: Finding) -> tuple[int, bool, int]:
+    """Return the place of a finding: by its state, what explains others first, by its meaning."""
+    meanings = [*CONSEQUENCES]
+    known = finding.question in meanings
+    place = meanings.index(finding.question) if known and finding.state == FAILS else -1
+    return [*STATES].index(finding.state), not finding.is_cause, place
 
 
 def _level(tests: Sequence[ChanceTest]) -> str:
@@ -822,9 +824,8 @@ STATES = {
 
 
 def verdict_table(found: Sequence[Finding]) -> pd.DataFrame:
-    """Return the table of findings, failures first."""
-    order = [*STATES]
-    found = sorted(found, key=lambda f: (order.index(f.state), not f.is_cause))
+    """Return the table of findings, the gravest first."""
+    found = sorted(found, key=_gravity)
     columns = ["Question", "Result", "p", "p joint", "Explanation"]
     table = [(f.question, _result(f), _p(f.p), _p(f.p_joint), f.answer) for f in found]
     return pd.DataFrame(table, columns=columns)

@@ -364,8 +364,8 @@ VALUES = {"heads/bundle": "The heads", "heads/relative_orientation": "Heads in t
 
 def _values(material: Material) -> Iterator[Table]:
     """Yield the tables of calibrated values, a column per camera."""
-    for name in (material.calibration, *VALUES):
-        if not (name and folder.has(material.found, name)):
+    for name in (material.calibration or "mounting/rig", *VALUES):
+        if not folder.has(material.found, name):
             continue
         rows = folder.rows(material.found, "parameters", name)
         cameras, cells = [*dict.fromkeys(rows["camera"])], dict[str, dict[str, str]]()
