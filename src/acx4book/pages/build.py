@@ -33,7 +33,7 @@ from acx4book.notebooks import execute, runner
 from acx4book.pages import frames, release, reproducibility, study
 from acx4book.pages.benchmarks import sigma, speed, verdicts
 from acx4book.paper import printed, questions, scorecard
-from acx4book.report import findings, material, page
+from acx4book.report import findings, material, page, verdict
 from acx4book.report.material import Material
 from acx4book.teaching import solutions
 from acx4book.typesetting.myst import myst_table, numbered
@@ -473,7 +473,7 @@ def certificate_page(run: Material, report: str) -> str:
         Address of the report beside the page; the same as JSON has the ending .json.
     """
     answers = findings.findings(run)
-    told = findings.statement(answers)
+    told = verdict.statement(answers)
     json = f"{report.removesuffix('.html')}.json"
     return "\n\n".join(
         [
@@ -482,7 +482,7 @@ def certificate_page(run: Material, report: str) -> str:
             *(shown(sentence) for sentence in told["sentences"]),
             f'<a href="{report}">Open the report</a>, one file to print and to keep. Beside it '
             f'lies the same as <a href="{json}">JSON</a>.',
-            myst_table(findings.verdict_table(answers), "Findings", name="tab-findings"),
+            myst_table(verdict.verdict_table(answers), "Findings", name="tab-findings"),
             "",
         ]
     )

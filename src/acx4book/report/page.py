@@ -15,16 +15,10 @@ import numpy as np
 import pandas as pd
 from jinja2 import Environment
 
-from acx4book.report.findings import (
-    NOT_EXAMINED,
-    STATES,
-    Finding,
-    findings,
-    statement,
-    verdict_table,
-)
+from acx4book.report.findings import findings
 from acx4book.report.groups import qualities
 from acx4book.report.material import Material, checked_points, read, validated
+from acx4book.report.verdict import NOT_EXAMINED, STATES, Finding, statement, verdict_table
 from acx4book.report.words import adjustment_title, begun, listed, parameter_title, with_unit
 from acx4book.typesetting.myst import numbers, p_value, value_and_sigma
 from acx4files.flight.settings import Device
@@ -451,11 +445,15 @@ def _adjustments(material: Material) -> Table:
     for name in material.adjustments:
         entry = material.entry(name)
         p, expected = entry["chi_square_p"], entry.get("expected_rejections")
-        rejected = f"{entry['n_rejected']:,}" + ("" if expected is None else f" ({expected:.1f})")
-        counts = [f"{entry[key]:,}" for key in ("n_observations", "redundancy")]
-        sigma0_sq = f"{entry['sigma0_squared']:.3f}"
-        row = [*counts, sigma0_sq, "" if p is None else p_value(p), rejected]
-        rows.append([begun(adjustment_title(name)), *row])
+        by_chance = "" if expected is None else f" ({expected:.1f})"
+        rows.append(
+            [
+                begun(adjustment_title(name)),
+                *(f"{entry[key]:,}" for key in ("n_observations", "redundancy")),
+                *(f"{entry['sigma0_squared']:.3f}", "" if p is None else p_value(p)),
+                f"{entry['n_rejected'] or 0:,}{by_chance}",
+            ]
+        )
     return _table(
         "The adjustments",
         "p: two-sided probability of a σ₀² as far from one; in brackets what chance rejects.",

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from acx4book.report import findings, held
+from acx4book.report import findings, held, verdict
 from acx4book.report.material import read
 from support.run_results import SINGLE, edit_summary, state
 
@@ -67,7 +67,7 @@ def test_a_rejected_value_matters_where_it_moves_another_estimate(single, move, 
     assert f"lever arm z by {move:+.1f} σ" in answer
     assert f"; {abs(move):.2g} σ, limit 1 σ)" in answer
     assert '[stages.mounting] estimate = ["f_mm", "xp_mm"' in answer
-    failures = findings.statement(findings.findings(read(single)))["failures"]
+    failures = verdict.statement(findings.findings(read(single)))["failures"]
     assert [f["question"] for f in failures] == ([QUESTION] if expected == "fails" else [])
 
 
@@ -94,9 +94,9 @@ def test_a_value_that_explains_most_of_the_misfit_is_named_before_what_it_makes_
     hold(single, SINGLE, values, [key], **fit)
     found = findings.findings(read(single))
     other = "Observations agree with each other"
-    worst = findings.statement(found)["failures"][0]["question"]
+    worst = verdict.statement(found)["failures"][0]["question"]
     assert worst == (QUESTION if first else other)
-    assert (findings.verdict_table(found)["Question"][0] == QUESTION) == first
+    assert (verdict.verdict_table(found)["Question"][0] == QUESTION) == first
 
 
 def test_the_value_that_costs_most_stands_first(single):
@@ -140,7 +140,7 @@ def judged(folder, monkeypatch, sigma_px=0.5):
     monkeypatch.setattr(held, "sigma_px", lambda *_: sigma_px)
     monkeypatch.setattr(type(read(folder)), "decisive", (SINGLE, *HEADS))
     run = read(folder)
-    (found,) = findings.judged(findings._held(run))
+    (found,) = verdict.judged(findings._held(run))
     return found
 
 
@@ -158,7 +158,7 @@ def test_heads_hold_where_the_synthetic_image_takes_up_what_they_hold(
         assert f"of CAM{k} is held at 74, and {estimate:.3f} ± 0.067 if" in found.answer
     assert "xₚ by -17.1 σ" in found.answer
     assert '[stages.heads] estimate = ["' in found.answer
-    assert bool(findings.statement([found])["restrictions"]) == (expected == "minor")
+    assert bool(verdict.statement([found])["restrictions"]) == (expected == "minor")
     assert f"{max(effect.values()):.2g} px, limit 0.32 px)" in found.answer
 
 

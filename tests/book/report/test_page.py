@@ -14,8 +14,9 @@ from numpy.testing import assert_allclose
 from pypdf import PdfReader
 
 from acx4book.report import page
-from acx4book.report.findings import findings, statement
+from acx4book.report.findings import findings
 from acx4book.report.material import read
+from acx4book.report.verdict import statement
 from acx4files.flight.settings import Certificate, Device, Session
 from acx4files.results import folder as results
 from acx4lib.errors import OutputError

@@ -6,18 +6,17 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4book.report.findings import (
+from acx4book.report.findings import findings
+from acx4book.report.material import read
+from acx4book.report.verdict import (
     CONSEQUENCES,
-    FAILS,
-    LEVEL,
     ChanceTest,
     Finding,
-    findings,
     judged,
     statement,
     verdict_table,
 )
-from acx4book.report.material import read
+from acx4lib.least_squares.verdict import FAILS, LEVEL
 
 
 def asked(question, *p, passed="It is right."):
