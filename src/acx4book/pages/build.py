@@ -474,6 +474,8 @@ def certificate_page(run: Material, report: str) -> str:
     """
     answers = findings.findings(run)
     told = verdict.statement(answers)
+    columns = {"question": "Question", "result": "Result", "p": "p joint", "answer": "Answer"}
+    table = pd.DataFrame([*verdict.rows(answers)])[[*columns]].rename(columns=columns)
     json = f"{report.removesuffix('.html')}.json"
     return "\n\n".join(
         [
@@ -482,7 +484,7 @@ def certificate_page(run: Material, report: str) -> str:
             *(shown(sentence) for sentence in told["sentences"]),
             f'<a href="{report}">Open the report</a>, one file to print and to keep. Beside it '
             f'lies the same as <a href="{json}">JSON</a>.',
-            myst_table(verdict.verdict_table(answers), "Findings", name="tab-findings"),
+            myst_table(table, "Findings", name="tab-findings"),
             "",
         ]
     )

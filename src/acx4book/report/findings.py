@@ -77,23 +77,19 @@ def _computed(material: Material) -> Iterator[Finding]:
         for name, entry in material.found.summary.items()
         if entry.get("converged") is False and not messages(entry, "left_out")
     ]
-    if n := len(material.adjustments):
+    n = len(material.adjustments)
+    if n or failed:
         yield _sure("Convergence", failed, f"{plural(n, 'adjustment')} computed, all converged.")
-        yield _sure(
-            "Observations agree with each other",
-            _messages(material, _certified(material), "stopped"),
-            "Of no group would data snooping reject more than single observations.",
-        )
-    elif failed:
-        yield _sure("Convergence", failed, "")
+    stopped = _messages(material, _certified(material), "stopped")
+    if n or stopped:
+        none = "Of no group would data snooping reject more than single observations."
+        yield _sure("Observations agree with each other", stopped, none)
 
 
 def _determined(material: Material) -> Iterator[Finding]:
     """Tell whether every parameter of the certified adjustments is determined."""
-    question, lines = (
-        "All parameters determined",
-        _messages(material, material.decisive, "not_determined"),
-    )
+    question = "All parameters determined"
+    lines = _messages(material, material.decisive, "not_determined")
     if material.decisive and material.found.parameters.empty and not lines:
         answer = "No parameter of a camera was estimated."
         yield Finding(question=question, state=UNTESTED, answer=answer)
@@ -110,25 +106,25 @@ def _global_test(material: Material) -> Iterator[Finding]:
         if not int(entry["redundancy"]) > 0:
             continue
         values.append(sigma0_sq := float(entry["sigma0_squared"]))
-        tests.append(
-            ChanceTest(
-                name=f"σ₀² of {title}",
-                p=float(entry["chi_square_p"]),
-                said=f"{title} (σ₀² = {sigma0_sq:.2f}): residuals are "
-                f"{'larger' if sigma0_sq > 1 else 'smaller'} than their a priori σ promise",
-                size=off_by(np.sqrt(sigma0_sq)),
-                limit=MATTERS,
-            )
+        size = "larger" if sigma0_sq > 1 else "smaller"
+        said = (
+            f"{title} (σ₀² = {sigma0_sq:.2f}): residuals are {size} than their a priori σ promise"
         )
+        p, ratio = float(entry["chi_square_p"]), float(np.sqrt(sigma0_sq))
+        tests.append(_of_ratio(f"σ₀² of {title}", p, ratio, said))
     if tests:
         span = dict.fromkeys(f"{value:.3f}" for value in (min(values), max(values)))
         yield Finding(
             question="Global χ² test",
-            state=HOLDS,
             answer=f"The variance of unit weight is {' to '.join(span)}.",
             passed="Residuals have the size that the a priori σ promise.",
             tests=tuple(tests),
         )
+
+
+def _of_ratio(name: str, p: float, ratio: float, said: str) -> ChanceTest:
+    """Return a test of errors over their σ, which matters where they differ by `MATTERS`."""
+    return ChanceTest(name=name, p=p, said=said, size=off_by(ratio), limit=MATTERS)
 
 
 def _weights(material: Material) -> Iterator[Finding]:
@@ -143,13 +139,10 @@ def _weights(material: Material) -> Iterator[Finding]:
             f"{name}: σ is {times:.3g} times too {'small' if g.ratio > 1 else 'large'} (stated "
             f"{g.sigma:.2g} {g.unit}, by the residuals {g.sigma * g.ratio:.2g} {g.unit})"
         )
-        size = off_by(g.ratio)
-        tests.append(ChanceTest(name=name, p=g.p, said=said, size=size, limit=MATTERS))
+        tests.append(_of_ratio(name, g.p, g.ratio, said))
     if tests:
         yield Finding(
             question="A priori standard deviations",
-            state=HOLDS,
-            answer="",
             passed="Those of all groups of observations agree with the residuals.",
             tests=tuple(tests),
         )
@@ -221,7 +214,7 @@ def _gross_errors(material: Material) -> Iterator[Finding]:
     yield Finding(
         question=question,
         state=state,
-        answer=f"{answer}{begun(plural(n, 'observation'))} of {of:,} taken out as gross errors, "
+        answer=f"{answer}{n:,} of {of:,} observations taken out as gross errors, "
         f"where chance alone takes out {chance:.1f}"
         + ("; they are listed in rejected.csv." if n else "."),
         tests=(
@@ -511,14 +504,10 @@ def _together(entry: Mapping[str, Any]) -> Iterator[ChanceTest]:
         )
     if (entry.get("redundancy") or 0) > 0:
         sigma0_sq = entry["sigma0_squared"]
-        yield ChanceTest(
-            name="rays of the check points",
-            p=entry["chi_square_p"],
-            said=f"rays meet {'more' if sigma0_sq < 1 else 'less'} closely than predicted "
-            f"(σ₀² = {sigma0_sq:.2f})",
-            size=off_by(np.sqrt(sigma0_sq)),
-            limit=MATTERS,
-        )
+        closely = f"{'more' if sigma0_sq < 1 else 'less'} closely than predicted"
+        said = f"rays meet {closely} (σ₀² = {sigma0_sq:.2f})"
+        ratio = float(np.sqrt(sigma0_sq))
+        yield _of_ratio("rays of the check points", entry["chi_square_p"], ratio, said)
 
 
 def _by_axis(points: Mapping[str, Any]) -> Iterator[ChanceTest]:
@@ -530,13 +519,9 @@ def _by_axis(points: Mapping[str, Any]) -> Iterator[ChanceTest]:
         yield ChanceTest(name=f"mean in {axis}", p=p, said=said)
     for k, axis in enumerate(AXES):
         ratio = points["normalised_rms"][k]
-        yield ChanceTest(
-            name=f"spread in {axis}",
-            p=rms_p(ratio, points["effective_number"][k]),
-            said=f"an RMS in {axis} that is {ratio:.3f} times the predicted one",
-            size=off_by(ratio),
-            limit=MATTERS,
-        )
+        p = rms_p(ratio, points["effective_number"][k])
+        said = f"an RMS in {axis} that is {ratio:.3f} times the predicted one"
+        yield _of_ratio(f"spread in {axis}", p, ratio, said)
 
 
 # --- what is not tested, and what the run said -----------------------------------------------

@@ -18,7 +18,7 @@ from jinja2 import Environment
 from acx4book.report.findings import findings
 from acx4book.report.groups import qualities
 from acx4book.report.material import Material, checked_points, read, validated
-from acx4book.report.verdict import NOT_EXAMINED, STATES, Finding, statement, verdict_table
+from acx4book.report.verdict import NOT_EXAMINED, Finding, rows, statement
 from acx4book.report.words import adjustment_title, begun, listed, parameter_title, with_unit
 from acx4book.typesetting.myst import numbers, p_value, value_and_sigma
 from acx4files.flight.settings import Device
@@ -272,8 +272,7 @@ def texts(material: Material, found: Sequence[Finding]) -> dict[str, Any]:
 
     Characters that are no text, such as control characters, are escaped as in Python.
     """
-    told, table = statement(found), verdict_table(found)
-    states = {mark[0]: state for state, mark in STATES.items()}
+    told = statement(found)
     whole = {
         "name": material.flight.name,
         "date": f"{material.date.day} {material.date:%B %Y}",
@@ -283,16 +282,7 @@ def texts(material: Material, found: Sequence[Finding]) -> dict[str, Any]:
         "sentences": [numbers(sentence) for sentence in told["sentences"]],
         "stated": [*_items(material)],
         "values": [*_values(material), *_points(material)],
-        "questions": [
-            {
-                "question": row["Question"],
-                "state": states[row["Result"][0]],
-                "result": row["Result"],
-                "p": row["p joint"],
-                "answer": numbers(row["Explanation"]),
-            }
-            for row in table.to_dict("records")
-        ],
+        "questions": [*rows(found)],
         "evidence": [_adjustments(material), _groups(material)],
         "identity": [*_identity(material)],
         "not_examined": "; ".join(NOT_EXAMINED),
@@ -361,9 +351,9 @@ def _values(material: Material) -> Iterator[Table]:
     for name in (material.calibration or "mounting/rig", *VALUES):
         if not folder.has(material.found, name):
             continue
-        rows = folder.rows(material.found, "parameters", name)
-        cameras, cells = [*dict.fromkeys(rows["camera"])], dict[str, dict[str, str]]()
-        for row in rows.to_dict("records"):
+        table = folder.rows(material.found, "parameters", name)
+        cameras, cells = [*dict.fromkeys(table["camera"])], dict[str, dict[str, str]]()
+        for row in table.to_dict("records"):
             title = with_unit(parameter_title(row["parameter"]), row["unit"])
             text = numbers(value_and_sigma(row["value"], row["sigma"]))
             cells.setdefault(title, {})[row["camera"]] = text
@@ -405,17 +395,17 @@ def _points(material: Material) -> Iterator[Table]:
     points = entry.get("points")
     if not isinstance(points, dict) or not entry.get("n_points"):
         return
-    rows = []
+    by_axis = []
     for k, axis in enumerate(AXES):
         sigma = checked_points(material)[f"sigma_{axis}_m"].to_numpy(dtype=float)
         mean = numbers(value_and_sigma(points["mean"][k], points["mean_sigma"][k]))
         predicted = float(np.sqrt(np.mean(sigma**2)))
-        rows.append([axis, mean, f"{points['rms'][k]:.3f}", f"{predicted:.3f}"])
+        by_axis.append([axis, mean, f"{points['rms'][k]:.3f}", f"{predicted:.3f}"])
     yield _table(
         f"{entry['n_points']} independent check points",
         "Estimated less surveyed, one difference per point from all its rays.",
         ["", "Mean (m)", "RMS (m)", "Predicted RMS (m)"],
-        rows,
+        by_axis,
         below=[*_classes(points.get("classes") or {})],
     )
 
@@ -441,12 +431,12 @@ def _classes(told: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _adjustments(material: Material) -> Table:
-    rows = []
+    tested = []
     for name in material.adjustments:
         entry = material.entry(name)
         p, expected = entry["chi_square_p"], entry.get("expected_rejections")
         by_chance = "" if expected is None else f" ({expected:.1f})"
-        rows.append(
+        tested.append(
             [
                 begun(adjustment_title(name)),
                 *(f"{entry[key]:,}" for key in ("n_observations", "redundancy")),
@@ -458,12 +448,12 @@ def _adjustments(material: Material) -> Table:
         "The adjustments",
         "p: two-sided probability of a σ₀² as far from one; in brackets what chance rejects.",
         ["", "Observations", "Redundancy", "σ₀²", "p", "Rejected"],
-        rows,
+        tested,
     )
 
 
 def _groups(material: Material) -> Table:
-    rows = [
+    groups = [
         [
             with_unit(f"{begun(adjustment_title(g.adjustment))}: {g.group}", g.unit),
             *(f"{g.n:,}", f"{g.sigma:.3g}", f"{g.sigma * g.ratio:.3g}"),
@@ -476,7 +466,7 @@ def _groups(material: Material) -> Table:
         "σ as stated and by the residuals; the error that is found with 80 % (median); the number "
         "with a redundancy number below 0.1, in which an error would hardly be seen.",
         ["", "Number", "σ stated", "σ found", "p", "Detectable", "Weak"],
-        rows,
+        groups,
     )
 
 

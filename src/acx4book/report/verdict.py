@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from acx4book.report.words import listed, plural
-from acx4book.typesetting.myst import p_value, sections
+from acx4book.typesetting.myst import numbers, p_value, sections
 from acx4lib.least_squares.verdict import (
     FAILS,
     HOLDS,
@@ -90,8 +89,8 @@ class Finding:
     """
 
     question: str
-    state: str
-    answer: str
+    state: str = HOLDS
+    answer: str = ""
     passed: str = ""
     tests: tuple[ChanceTest, ...] = ()
     restriction: str = ""
@@ -257,19 +256,18 @@ STATES = {
 """The states in words, in the order of the table."""
 
 
-def verdict_table(found: Sequence[Finding]) -> pd.DataFrame:
-    """Return the table of findings, the gravest first."""
-    found = sorted(found, key=_gravity)
-    columns = ["Question", "Result", "p", "p joint", "Explanation"]
-    table = [(f.question, _result(f), _p(f.p), _p(f.p_joint), f.answer) for f in found]
-    return pd.DataFrame(table, columns=columns)
+def rows(found: Iterable[Finding]) -> Iterator[dict[str, str]]:
+    """Yield the texts of the findings, the gravest first.
 
-
-def _result(finding: Finding) -> str:
-    """Return the state in words; of `MINOR` with the sizes from which it matters."""
-    minor = [measure(t.limit, t.unit) for t in finding.tests if t.state == MINOR]
-    return STATES[finding.state].format(listed([*dict.fromkeys(minor)]))
-
-
-def _p(p: float) -> str:
-    return "" if np.isnan(p) else p_value(p)
+    Yields
+    ------
+    dict of str to str
+        ``question``, ``state``; ``result``, the state in words, of `MINOR` with the sizes from
+        which it matters; ``p``, joint; ``answer``.
+    """
+    for f in sorted(found, key=_gravity):
+        minor = [measure(test.limit, test.unit) for test in f.tests if test.state == MINOR]
+        result = STATES[f.state].format(listed([*dict.fromkeys(minor)]))
+        p = "" if np.isnan(f.p_joint) else p_value(f.p_joint)
+        texts = {"question": f.question, "state": f.state, "result": result}
+        yield texts | {"p": p, "answer": numbers(f.answer)}

@@ -96,7 +96,7 @@ def test_a_value_that_explains_most_of_the_misfit_is_named_before_what_it_makes_
     other = "Observations agree with each other"
     worst = verdict.statement(found)["failures"][0]["question"]
     assert worst == (QUESTION if first else other)
-    assert (verdict.verdict_table(found)["Question"][0] == QUESTION) == first
+    assert (next(verdict.rows(found))["question"] == QUESTION) == first
 
 
 def test_the_value_that_costs_most_stands_first(single):

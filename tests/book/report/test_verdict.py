@@ -13,8 +13,8 @@ from acx4book.report.verdict import (
     ChanceTest,
     Finding,
     judged,
+    rows,
     statement,
-    verdict_table,
 )
 from acx4lib.least_squares.verdict import FAILS, LEVEL
 
@@ -79,10 +79,9 @@ def test_a_report_that_does_not_hold_says_first_what_fails_what_it_means_and_wha
 
 def test_what_fails_stands_first_in_the_table_with_its_probabilities():
     good = Finding(question="Good", state="holds", answer="")
-    table = verdict_table(judged([good, asked("Bad thing", 0.0123, 0.6)]))
-    assert list(table["Question"]) == ["Bad thing", "Good"]
-    assert list(table["p"]) == ["0.012", ""]
-    assert list(table["p joint"]) == ["0.025", ""]
+    bad, other = rows(judged([good, asked("Bad thing", 0.0123, 0.6)]))
+    assert (bad["question"], bad["result"], bad["p"]) == ("Bad thing", "✗ fails", "0.025")
+    assert (other["question"], other["result"], other["p"]) == ("Good", "✓ holds", "")
 
 
 def test_where_nothing_was_adjusted_the_report_says_that_nothing_was_tested(folder):
@@ -102,7 +101,7 @@ def test_what_is_rejected_and_too_small_to_matter_has_its_own_state_with_both_nu
         "A. Rejected, but below the size that matters: σ is 1.03 times too small "
         "(p <\N{NO-BREAK SPACE}0.0005; 3 %, limit 10 %)."
     )
-    assert list(verdict_table(found)["Result"]) == ["≈ rejected, below 10 %"]
+    assert [row["result"] for row in rows(found)] == ["≈ rejected, below 10 %"]
     said = statement(found)
     assert said["title"] == "The results hold"
     assert said["sentences"][0].startswith("None of 1 test fails; 1 rejected, but below the")
@@ -117,11 +116,8 @@ def test_no_tick_stands_beside_a_test_that_is_rejected(rng):
             ChanceTest(name=f"{i}", p=one, said="it", size=of, limit=0.1)
             for i, (one, of) in enumerate(zip(p, size, strict=True))
         )
-        table = verdict_table(
-            judged([Finding(question="Q", state="holds", answer="", tests=tests)])
-        )
-        rejected = 3 * p.min() < LEVEL
-        assert rejected == ("✓" not in table["Result"][0])
+        (row,) = rows(judged([Finding(question="Q", tests=tests)]))
+        assert (3 * p.min() < LEVEL) == ("✓" not in row["result"])
 
 
 @pytest.mark.parametrize(("size", "state"), [(0.1, "minor"), (0.3, "fails")])
