@@ -413,21 +413,12 @@ def _points(material: Material) -> Iterator[Table]:
 def _classes(told: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield the accuracy classes that are reached, by standard."""
     scales = sorted(told.get("pec_pcd", {}).items(), key=lambda of: (len(of[0]), of[0]))
-    of = {scale: f"{reached['plan']} / {reached['height']}" for scale, reached in scales}
-    if of:
+    if of := {scale: f"{reached['plan']} / {reached['height']}" for scale, reached in scales}:
         each = "; ".join(f"{scale} {classes}" for scale, classes in of.items())
         yield "PEC-PCD, plan / height", each if len({*of.values()}) > 1 else min(of.values())
-    for name, title, keys in (
-        ("nssda", "NSSDA", ("statement",)),
-        ("asprs_2014", "ASPRS 2014, horizontal / vertical", ("horizontal", "vertical")),
-        (
-            "asprs_2023",
-            "ASPRS 2023, horizontal / vertical / 3D",
-            ("horizontal", "vertical", "three_d"),
-        ),
-    ):
-        if name in told:
-            yield title, " / ".join(dict.fromkeys(str(told[name][key]) for key in keys))
+    if reached := told.get("asprs_2023"):
+        classes = (str(reached[key]) for key in ("horizontal", "vertical", "three_d"))
+        yield "ASPRS 2023, horizontal / vertical / 3D", " / ".join(dict.fromkeys(classes))
 
 
 def _adjustments(material: Material) -> Table:
