@@ -124,9 +124,10 @@ def of(plan: Plan, *, winds: int = 0) -> Design:
     """
     expected.whole("winds", winds, least=0)
     places = flown.tie_places(plan)
-    even = _adjusted(plan, flown.exact(plan, 0, places))
-    others = tuple(_adjusted(plan, flown.exact(plan, k, places)) for k in range(1, winds + 1))
-    return Design(**vars(even), plan=plan, winds=others or (even,))
+    even, *others = (
+        _adjusted(plan, flown.exact(plan, places, wind=wind)) for wind in range(winds + 1)
+    )
+    return Design(**vars(even), plan=plan, winds=tuple(others) or (even,))
 
 
 def sigmas(plan: Plan) -> pd.Series:

@@ -94,33 +94,26 @@ def _slow(values: Mapping[str, Any]) -> SlowErrors | None:
 # chance with its own number: both are the same in every run.
 
 
-def exact(
-    plan: Plan, wind: int = 0, places: Mapping[str, Array] | None = None, only: str = ""
-) -> dict[str, Block]:
+def exact(plan: Plan, places: Mapping[str, Array], *, wind: int = 0) -> dict[str, Block]:
     """Return the blocks of a plan, flown without errors.
 
     Parameters
     ----------
     plan : Plan
         Its true cameras are not used.
+    places : dict of str to ndarray
+        Of its tie points, as `tie_places` returns them.
     wind : int
         Number of the wind that moves the aircraft.
-    places : dict of str to ndarray, optional
-        As `tie_places` returns them, where they are known.
-    only : str
-        The one block that is flown; all by default.
 
     Raises
     ------
     FlightError
-        Where the images show no point, or less tie points than asked for.
+        Where the images of a block show no point.
     """
-    wanted = {name: block for name, block in plan.blocks.items() if only in ("", name)}
-    plan = replace(plan, truth={}, blocks=wanted)
-    flown_plan = simulated(plan, places or tie_places(plan), wind=wind)
-    options = replace(EXACT, refraction=plan.setup.refraction)
-    tables = simulate_plan(flown_plan, 0, options).tables
-    by_block: dict[str, dict[str, pd.DataFrame]] = {name: {} for name in wanted}
+    of_plan = simulated(replace(plan, truth={}), places, wind=wind)
+    tables = simulate_plan(of_plan, 0, replace(EXACT, refraction=plan.setup.refraction)).tables
+    by_block: dict[str, dict[str, pd.DataFrame]] = {name: {} for name in plan.blocks}
     for path, table in tables.items():
         block, _, file = path.rpartition("/")
         if block:
