@@ -10,8 +10,6 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from acx4book.chapters.image_quality.deviations import (
-    every_refinement,
-    simulated_ties,
     with_turned_heads,
     with_wrong_interiors,
 )
@@ -33,6 +31,7 @@ from acx4lib.tie_points.refinement import (
 )
 from support.helpers import numeric_jacobian
 from support.pictures import taken
+from support.pictures.known import every_refinement, simulated_ties
 from support.strategies import vectors
 
 AXIS = np.tile(np.arange(3), 3)

@@ -1,7 +1,8 @@
 """Exposures and tie points that are known: over waves, and as a stage hands them to its figures."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
+from itertools import combinations
 
 import numpy as np
 
@@ -11,7 +12,8 @@ from acx4files.stages.synthetic import Refinement
 from acx4lib.geometry.camera import inside
 from acx4lib.synthetic_image.frame import head_from_synthetic, reduced_camera, reduced_heads
 from acx4lib.synthetic_image.response import estimate_response
-from acx4lib.tie_points.ties import TiePoints
+from acx4lib.tie_points.refinement import refine_by_rotations
+from acx4lib.tie_points.ties import TiePoints, refine_by_mean_differences
 from acx4sim.drawing import cell_m
 from support.pictures import taken
 
@@ -120,3 +122,49 @@ def joined(*parts):
 def refined(orientation, ties, **others):
     ways = {"before": orientation} | others
     return Refinement(ties=ties, from_pixels=True, orientations=ways, fits={}, reasons={})
+
+
+# --- refinements beside each other -----------------------------------------------------------
+
+
+def simulated_ties(
+    truth,
+    synthetic,
+    *,
+    rng,
+    per_overlap=5000,
+    sigma_px=0.1,
+):
+    """Return tie points at random places of all overlaps, exact but for noise in both heads."""
+    half = 0.5 * synthetic.pixel_mm * np.array([synthetic.width_px, synthetic.height_px])
+    xy = rng.uniform(-half, half, (12 * per_overlap, 2))
+    places = [head_from_synthetic(truth, k, xy) for k in range(len(truth.heads))]
+    within = [inside(head, colrow) for head, colrow in zip(truth.heads, places, strict=True)]
+    rows = [
+        (np.flatnonzero(within[a] & within[b])[:per_overlap], a, b)
+        for a, b in combinations(range(len(places)), 2)
+    ]
+    n = sum(len(points) for points, _, _ in rows)
+    return TiePoints(
+        head_a=np.concatenate([np.full(len(points), a) for points, a, _ in rows]),
+        head_b=np.concatenate([np.full(len(points), b) for points, _, b in rows]),
+        exposure_idx=np.zeros(n, dtype=np.intp),
+        point_idx=np.concatenate([points for points, _, _ in rows]),
+        colrow_a=np.concatenate([places[a][points] for points, a, _ in rows])
+        + rng.normal(0, sigma_px, (n, 2)),
+        colrow_b=np.concatenate([places[b][points] for points, _, b in rows])
+        + rng.normal(0, sigma_px, (n, 2)),
+        sigma_px=np.full(n, max(sigma_px, 1e-6)),
+    )
+
+
+def every_refinement(wrong, ties):
+    """Return wrong heads refined in every way, the first head held."""
+    shifted = refine_by_mean_differences(wrong, ties)
+    held = shifted.xyz_mm + wrong.xyz_mm[0] - shifted.xyz_mm[0]
+    return {
+        "before": wrong,
+        "mean shift": replace(shifted, xyz_mm=held),
+        "rotations": refine_by_rotations(wrong, ties).orientation,
+        "six": refine_by_rotations(wrong, ties, free="six").orientation,
+    }

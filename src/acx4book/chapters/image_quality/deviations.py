@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import combinations
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -27,13 +26,11 @@ from acx4lib.geometry.camera import (
     Camera,
     Interior,
     colrow_from_xy,
-    inside,
     xy_from_colrow,
 )
 from acx4lib.geometry.frames import Pose, exp, opk_from_rotation, rotation_from_opk
 from acx4lib.geometry.geodesy import MappingFrame
 from acx4lib.synthetic_image.frame import (
-    head_from_synthetic,
     reduced_camera,
     reduced_heads,
 )
@@ -41,8 +38,6 @@ from acx4lib.synthetic_image.rendering import FEATHER_PX, render, render_plan
 from acx4lib.synthetic_image.response import Response
 from acx4lib.tie_points.least_squares_matching import correlate, match
 from acx4lib.tie_points.matching import best_of_cells, grey, response
-from acx4lib.tie_points.refinement import refine_by_rotations
-from acx4lib.tie_points.ties import TiePoints, refine_by_mean_differences
 from acx4sim.designs import acx4_plan
 from acx4sim.optics import Camera as TrueCamera
 from acx4sim.pictures import (
@@ -199,50 +194,7 @@ def residuals_px(fit: Bundle) -> Array:
     return -fit.solution.group("image_point").v
 
 
-# --- refinements beside each other -----------------------------------------------------------
-
-
-def simulated_ties(
-    truth: RelativeOrientation,
-    synthetic: Camera,
-    *,
-    rng: np.random.Generator,
-    per_overlap: int = 5000,
-    sigma_px: float = 0.1,
-) -> TiePoints:
-    """Return tie points at random places of all overlaps, exact but for noise in both heads.
-
-    Parameters
-    ----------
-    truth : RelativeOrientation
-    synthetic : Camera
-        Points lie within its frame.
-    rng : numpy.random.Generator
-    per_overlap : int
-        Of the four heads' large overlaps; pairs that share a corner only have some fewer.
-    sigma_px : float
-        Of a measurement; zero states the rounding of a pixel's millionth.
-    """
-    half = 0.5 * synthetic.pixel_mm * np.array([synthetic.width_px, synthetic.height_px])
-    xy = rng.uniform(-half, half, (12 * per_overlap, 2))
-    places = [head_from_synthetic(truth, k, xy) for k in range(len(truth.heads))]
-    within = [inside(head, colrow) for head, colrow in zip(truth.heads, places, strict=True)]
-    rows = [
-        (np.flatnonzero(within[a] & within[b])[:per_overlap], a, b)
-        for a, b in combinations(range(len(places)), 2)
-    ]
-    n = sum(len(points) for points, _, _ in rows)
-    return TiePoints(
-        head_a=np.concatenate([np.full(len(points), a) for points, a, _ in rows]),
-        head_b=np.concatenate([np.full(len(points), b) for points, _, b in rows]),
-        exposure_idx=np.zeros(n, dtype=np.intp),
-        point_idx=np.concatenate([points for points, _, _ in rows]),
-        colrow_a=np.concatenate([places[a][points] for points, a, _ in rows])
-        + rng.normal(0, sigma_px, (n, 2)),
-        colrow_b=np.concatenate([places[b][points] for points, _, b in rows])
-        + rng.normal(0, sigma_px, (n, 2)),
-        sigma_px=np.full(n, max(sigma_px, 1e-6)),
-    )
+# --- heads with errors ------------------------------------------------------------------------
 
 
 def with_turned_heads(
@@ -280,24 +232,6 @@ def _printed_sigma(head: str) -> Array:
     listed = set(printed.table(1)["parameter"])
     sigma = [printed.sigma(1, key, head) if key in listed else 0.0 for key in names.values()]
     return np.nan_to_num(np.array(sigma))
-
-
-def every_refinement(wrong: RelativeOrientation, ties: TiePoints) -> dict[str, RelativeOrientation]:
-    """Return wrong heads refined in every way, the first head held.
-
-    Returns
-    -------
-    dict of str to RelativeOrientation
-        ``before``, ``mean shift``, ``rotations``, ``six``.
-    """
-    shifted = refine_by_mean_differences(wrong, ties)
-    held = shifted.xyz_mm + wrong.xyz_mm[0] - shifted.xyz_mm[0]
-    return {
-        "before": wrong,
-        "mean shift": replace(shifted, xyz_mm=held),
-        "rotations": refine_by_rotations(wrong, ties).orientation,
-        "six": refine_by_rotations(wrong, ties, free="six").orientation,
-    }
 
 
 # --- A synthetic image whose every pixel is known: simulated heads, and one ideal camera

@@ -7,20 +7,17 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
-import pandas as pd
 
 from acx4book.chapters.image_quality.deviations import (
     LENS,
     Deviations,
     KnownExposure,
     deviations,
-    every_refinement,
     one_image_block,
     residuals_px,
     seen_ground,
     self_calibrate,
     simulated,
-    simulated_ties,
     with_turned_heads,
     with_wrong_interiors,
 )
@@ -38,9 +35,6 @@ from acx4lib.tie_points.refinement import frame_differences
 from acx4lib.tie_points.search import find_ties
 from acx4lib.tie_points.ties import TiePoints
 from acx4sim.pictures import pixels_from_ground
-
-TIES = 100
-"""Tie points of an overlap, without error, for the refinement of drawn calibrations."""
 
 STEPS: Mapping[str, tuple[str, ...]] = MappingProxyType({"oriented": (), "calibrated": LENS})
 """Interior parameters that the self-calibration of a synthetic image estimates, by its name."""
@@ -174,42 +168,6 @@ def geometry_errors(
         name: errors_of(frame_deviations(heads, known), known)
         for name, heads in orientations.items()
     }
-
-
-def drawn_errors(known: KnownExposure, n: int, *, seed: int, angle_deg: float) -> pd.DataFrame:
-    """Draw calibrations with errors, refine them, and calibrate their synthetic images.
-
-    Geometry alone, without pixels and without measuring errors.
-
-    Parameters
-    ----------
-    known : KnownExposure
-    n : int
-        Calibrations to draw.
-    seed : int
-    angle_deg : float
-        Standard deviation of the errors of the heads' angles.
-
-    Returns
-    -------
-    DataFrame
-        One row per draw and refinement: root mean square and largest error in the frame (rms_px,
-        largest_px); the rms that an exterior orientation leaves, and that k1, k2, k3, p1, p2
-        leave (oriented_px, calibrated_px); the largest radial distortion found (radial_px).
-    """
-    rng = np.random.default_rng(seed)
-    ties = simulated_ties(
-        known.orientation, known.synthetic, rng=rng, per_overlap=TIES, sigma_px=0.0
-    )
-    rows = []
-    for draw in range(n):
-        wrong = drawn_calibration(known.orientation, seed=(seed, draw), angle_deg=angle_deg)
-        every = every_refinement(wrong, ties)
-        rows += [
-            {"draw": draw, "refinement": name, **errors_of(frame_deviations(heads, known), known)}
-            for name, heads in every.items()
-        ]
-    return pd.DataFrame(rows)
 
 
 def errors_of(found: Deviations, known: KnownExposure) -> dict[str, float]:

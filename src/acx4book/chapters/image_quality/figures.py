@@ -18,7 +18,6 @@ from acx4book.chapters.image_quality.deviations import (
 )
 from acx4book.chapters.image_quality.examined import (
     Examined,
-    TargetErrors,
     largest_radial,
     rms_of_coordinates,
 )
@@ -34,7 +33,7 @@ from acx4lib.synthetic_image.frame import (
 )
 
 NAMES: Mapping[str, str] = {"true": "true orientation", **WAYS}
-"""Names for readers of the orientations of `deviations.every_refinement`."""
+"""Names for readers of the orientations of `examined.examine_all`."""
 
 CELLS = 14
 """Cells along the longer side of the frame, in vector plots."""
@@ -49,7 +48,7 @@ TINTS = {
     "rotations": style.BLUE,
     "six": style.TEAL,
 }
-"""Colours of the orientations, by the names of `deviations.every_refinement`."""
+"""Colours of the orientations, by the names of `examined.examine_all`."""
 
 
 # --- vectors over the frame ------------------------------------------------------------------
@@ -141,78 +140,31 @@ def _draw_vectors(ax: Axes, camera: Camera, field: tuple[Array, Array], *, key: 
 # --- distortion ------------------------------------------------------------------------------
 
 
-def distortion_taken_up(
-    fits: Mapping[str, Bundle], names: Mapping[str, str], draws: pd.DataFrame, targets: TargetErrors
-) -> Figure:
+def distortion_taken_up(fits: Mapping[str, Bundle]) -> Figure:
     """Draw the radial distortion that a self-calibration finds in synthetic images.
 
     Parameters
     ----------
     fits : mapping of str to Bundle
-        Self-calibrations with the lens free, by the names of `deviations.every_refinement`.
-    names : mapping of str to str
-        Their names for readers.
-    draws : DataFrame
-        As `examined.drawn_errors` returns it.
-    targets : TargetErrors
+        Self-calibrations with the lens free, by the names of `NAMES`.
     """
     border = printed.statement("synthetic_border_distortion_px")
     with style.applied():
-        fig, (left, right) = style.subplots(
-            1, 2, figsize=(style.WIDTH, 3.6), width_ratios=(1.25, 1)
-        )
+        fig, ax = style.subplots(figsize=(0.6 * style.WIDTH, 3.4))
         corner = 0.0
         for name, fit in fits.items():
             r, px, sigma = radial_profile(fit)
             corner = float(r[-1])
-            left.fill_between(r, px - sigma, px + sigma, color=TINTS[name], alpha=0.2, lw=0)
-            left.plot(r, px, color=TINTS[name], label=names[name])
-        for sign in (1, -1):
-            left.plot(
-                [corner], [sign * border], "D", mfc=style.PAPER, mec=style.PRINTED, ms=5, zorder=5
-            )
-        left.axhline(0, color=style.INK, lw=0.7)
-        left.set(xlabel="radius (mm)", ylabel="radial distortion (px)", xlim=(0, 1.04 * corner))
-        style.heading(left, "One calibration, on pixels", "bands: one standard deviation")
-        _draw_draws(right, draws, targets, names)
-        handles: list[Any] = left.get_legend_handles_labels()[0]
-        handles.append(
-            Line2D(
-                [],
-                [],
-                color=style.PRINTED,
-                ls="--",
-                marker="D",
-                mfc=style.PAPER,
-                ms=5,
-                label="paper",
-            )
+            ax.fill_between(r, px - sigma, px + sigma, color=TINTS[name], alpha=0.2, lw=0)
+            ax.plot(r, px, color=TINTS[name], label=NAMES[name])
+        ax.plot(
+            [corner] * 2, [border, -border], "D", mfc=style.PAPER, mec=style.PRINTED, label="paper"
         )
-        style.legend_below(fig, handles, ncols=3)
+        ax.axhline(0, color=style.INK, lw=0.7)
+        ax.set(xlabel="radius (mm)", ylabel="radial distortion (px)", xlim=(0, 1.04 * corner))
+        style.heading(ax, "One calibration, on pixels", "bands: one standard deviation")
+        style.legend_below(fig, ax.get_legend_handles_labels()[0], ncols=2)
     return fig
-
-
-def _draw_draws(
-    ax: Axes, draws: pd.DataFrame, targets: TargetErrors, names: Mapping[str, str]
-) -> None:
-    border = printed.statement("synthetic_border_distortion_px")
-    refined = draws[draws["refinement"] != "before"]
-    groups: list[tuple[str, str, Array]] = [
-        (names[str(name)], TINTS[str(name)], group["radial_px"].to_numpy())
-        for name, group in refined.groupby("refinement", sort=False)
-    ]
-    groups.append(
-        (f"{targets.n_targets} targets\nin a perfect image", style.SOFT, targets.radial_px)
-    )
-    for row, (_, tint, values) in enumerate(groups):
-        spread = 0.32 * (np.argsort(np.argsort(values * 7919 % 1)) / len(values) - 0.5)
-        ax.plot(values, row + spread, "o", color=tint, ms=2.4, alpha=0.45, mew=0)
-        ax.plot([np.median(values)] * 2, [row - 0.3, row + 0.3], color=style.INK, lw=1.6)
-    ax.axvline(border, color=style.PRINTED, ls="--", lw=1.0, zorder=1)
-    ax.set_yticks(range(len(groups)), [name for name, _, _ in groups])
-    ax.set(xscale="log", ylim=(len(groups) - 0.5, -0.5), xlabel="largest radial distortion (px)")
-    ax.grid(axis="y", visible=False)
-    style.heading(ax, "Many, by geometry", "dots: draws; bars: their medians")
 
 
 # --- the table, and the fields of the first figure ---------------------------------------------

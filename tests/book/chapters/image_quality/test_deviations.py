@@ -13,7 +13,6 @@ from acx4book.chapters.image_quality.deviations import (
     LENS,
     Deviations,
     consistent,
-    every_refinement,
     measure,
     one_image_block,
     residuals_px,
@@ -22,7 +21,6 @@ from acx4book.chapters.image_quality.deviations import (
 from acx4book.chapters.image_quality.examined import (
     border_distortion_of_targets,
     drawn_calibration,
-    drawn_errors,
     errors_of,
     examine_all,
     frame_deviations,
@@ -37,7 +35,7 @@ from acx4lib.synthetic_image.frame import synthetic_from_head
 from acx4lib.synthetic_image.rendering import FEATHER_PX
 from acx4sim.pictures import pixels_from_ground
 from support.blocks import FRAME
-from support.pictures.known import known
+from support.pictures.known import every_refinement, known
 from support.pictures.known import response as response_of
 
 SYN = Camera(
@@ -323,15 +321,6 @@ def test_drawn_errors_have_the_size_of_table_1s_sigma(exposure):
         for one in drawn
         for head, right in zip(one.heads, true.heads, strict=True)
     )
-
-
-def test_a_lens_takes_up_what_an_orientation_does_not(exposure):
-    draws = drawn_errors(exposure, 4, seed=3, angle_deg=0.01)
-    assert set(draws["refinement"]) == {"before", "mean shift", "rotations", "six"}
-    assert np.all(draws["oriented_px"] <= draws["rms_px"])
-    assert np.all(draws["calibrated_px"] <= draws["oriented_px"])
-    left = draws.groupby("refinement")["oriented_px"].median()
-    assert left["rotations"] < left["mean shift"] / 2 < left["before"]
 
 
 def test_measuring_errors_of_targets_invent_distortion_in_proportion(exposure):
