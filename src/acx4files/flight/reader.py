@@ -841,11 +841,9 @@ def _datum_notes(block: Block) -> Iterator[str]:
             f"{parts} are held"
         )
     if len(block.control) < ENOUGH and not _observed(block):
-        scale = shown.count(len(block.distances), "distance")
         yield (
             f"{block.name}: neither three control points nor positions with sigma fix where the "
-            "block lies: it is a free network, "
-            + (f"whose scale is that of {scale}" if len(block.distances) else "of unknown scale")
+            "block lies: it is a free network of unknown scale"
         )
 
 

@@ -17,7 +17,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import acx4sim
 from acx4files import flight
 from acx4files.flight import reader
-from acx4files.flight.reader import from_tables, table_files
+from acx4files.flight.reader import from_tables
 from acx4files.flight.settings import Apriori, Synthetic, camera_of, camera_table, camera_toml
 from acx4files.flight.summary import summary
 from acx4lib.block import Block
@@ -164,25 +164,6 @@ def test_the_smallest_angle_of_tie_points_is_that_of_the_file_or_two_degrees(tmp
     assert flight.read(tmp_path).calibration.smallest_angle == np.radians(2.0)
     append(tmp_path / "flight.toml", "[adjustment]\nsmallest_angle_deg = 0.5\n")
     assert_allclose(np.degrees(flight.read(tmp_path).calibration.smallest_angle), 0.5)
-
-
-def test_distances_are_read_where_there_are_some(tmp_path):
-    write_flight(tmp_path)
-    assert len(flight.read(tmp_path).calibration.distances) == 0
-    names = flight.read(tmp_path).calibration.points
-    path = tmp_path / "calibration/distances.csv"
-    path.write_text(
-        "point_a,point_b,distance_m,sigma_m,comment\n"
-        f"{names[0]},{names[2]},12.5,0.001,bar 1\n{names[2]},{names[0]},12.502,0.002,again\n"
-    )
-    read = flight.read(tmp_path)
-    found = read.calibration.distances
-    assert found.point_idx.tolist() == [[0, 2], [2, 0]]
-    assert_allclose(found.distance_m, [12.5, 12.502])
-    assert_allclose(found.sigma_m, [0.001, 0.002])
-    assert "calibration/distances.csv" in read.sha256
-    assert Path("calibration/distances.csv") in table_files(read)
-    assert "2, 12.500 to 12.502 m" in summary(read)
 
 
 def test_check_points_are_no_control_and_in_validation_all_are_check_points(tmp_path):
@@ -555,22 +536,6 @@ def test_numbers_of_numpy_are_good_settings():
 def test_without_control_points_there_are_none():
     found = from_tables(SETTINGS, calibration=TABLES)
     assert len(found.calibration.control) == 0
-
-
-def test_distances_are_a_table_of_their_block():
-    a, b = TABLES["image_points"]["point"].drop_duplicates()[:2]
-    given = {"point_a": [a], "point_b": [b], "distance_m": [3.5], "sigma_m": [0.01]}
-    found = from_tables(
-        SETTINGS, control_points=CONTROL, calibration={**TABLES, "distances": given}
-    )
-    block = found.blocks["calibration"]
-    assert [block.points[i] for i in block.distances.point_idx[0]] == [a, b]
-    assert block.distances.distance_m.tolist() == [3.5]
-    assert "calibration/distances.csv" in found.sha256
-    wrong = {**given, "point_b": ["nowhere"], "sigma_m": [0.0]}
-    sigma, unknown = told(calibration={**TABLES, "distances": wrong})
-    assert sigma.startswith("calibration.distances, row 0: sigma_m: 0.0; must be positive")
-    assert unknown.startswith("calibration.distances, row 0: point_b: 'nowhere' is unknown")
 
 
 def test_a_checksum_tells_tables_apart():
