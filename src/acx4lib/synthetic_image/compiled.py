@@ -202,18 +202,6 @@ def _catmull_rom(t: Any) -> tuple[Any, Any, Any, Any]:
     )
 
 
-@compiled
-def round_into(out: Raster, total: Array) -> None:
-    """Fill an image of whole numbers with the nearest ones, clipped to their range."""
-    top = np.float32(np.iinfo(out.dtype).max)
-    rows, cols, bands = out.shape
-    for i in range(rows):
-        for j in range(cols):
-            for band in range(bands):
-                value = min(max(total[i, j, band], np.float32(0)), top)
-                out[i, j, band] = int(value + np.float32(0.5))
-
-
 # --- Means of small patches of an image, and what of them is saturated, compiled
 
 

@@ -19,7 +19,6 @@ from acx4lib.least_squares import processors
 from acx4lib.synthetic_image.compiled import (
     MOST_BANDS,
     add_samples,
-    round_into,
     set_depths,
     weigh,
 )
@@ -286,16 +285,15 @@ def _resample(
     def fill(block: tuple[int, int]) -> None:
         i, j = block
         part = np.s_[:, i : i + size + 1, j : j + size + 1]
-        total, weights = _blended(plan, readable, nodes[part], factors[part], feather)
+        blended, weights = _blended(plan, readable, nodes[part], factors[part], feather)
         if out.dtype == np.float32:
-            total[~weights.any(axis=0)] = np.nan
-        first = (above + i) * step - rows[0]  # of the block's rows in `out`
-        target = out[max(first, 0) : first + len(total), j * step : j * step + total.shape[1]]
-        total = total[max(-first, 0) :][: len(target), : target.shape[1]]
-        if out.dtype == np.float32:
-            target[:] = total
+            blended[~weights.any(axis=0)] = np.nan
         else:
-            round_into(target, total)
+            clipped = np.clip(blended, 0, np.iinfo(out.dtype).max)
+            blended = (clipped + np.float32(0.5)).astype(out.dtype)
+        first = (above + i) * step - rows[0]  # of the block's rows in `out`
+        target = out[max(first, 0) : first + len(blended), j * step : (j + size) * step]
+        target[:] = blended[max(-first, 0) :][: len(target), : target.shape[1]]
 
     blocks = product(range(0, below - above, size), range(0, -(-plan.width_px // step), size))
     with ThreadPoolExecutor(threads or processors.cores()) as pool:
@@ -310,6 +308,7 @@ def _blended(
     feather: float,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return a block of whole cells, not rounded, and the weights of the heads."""
+    nodes, factors = np.ascontiguousarray(nodes), np.ascontiguousarray(factors)
     step, (_, rows, cols, _) = plan.step_px, nodes.shape
     shape = (rows - 1) * step, (cols - 1) * step
     weights = np.empty((len(images), *shape), np.float32)
