@@ -202,6 +202,29 @@ def _catmull_rom(t: Any) -> tuple[Any, Any, Any, Any]:
     )
 
 
+@compiled
+def halve_into(small: Raster, image: Raster) -> None:
+    """Fill an image of half the size with means of 2 x 2 pixels, without those that are zero.
+
+    Parameters
+    ----------
+    small : ndarray of image's type, shape (ceil(rows / 2), ceil(cols / 2), bands)
+        Means are rounded half up; 0 where all pixels are.
+    image : ndarray of uint8 or uint16, shape (rows, cols, bands)
+        A last odd row or column counts twice.
+    """
+    rows, cols, bands = image.shape
+    for i in range(small.shape[0]):
+        lower = min(2 * i + 1, rows - 1)
+        for j in range(small.shape[1]):
+            right = min(2 * j + 1, cols - 1)
+            for band in range(bands):
+                a, b = int(image[2 * i, 2 * j, band]), int(image[2 * i, right, band])
+                c, d = int(image[lower, 2 * j, band]), int(image[lower, right, band])
+                n = max((a > 0) + (b > 0) + (c > 0) + (d > 0), 1)
+                small[i, j, band] = (a + b + c + d + n // 2) // n
+
+
 # --- Means of small patches of an image, and what of them is saturated, compiled
 
 
