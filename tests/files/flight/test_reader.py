@@ -587,7 +587,7 @@ def test_a_checksum_tells_tables_apart():
 POINTS = "calibration.image_points"
 COL = TABLES["image_points"]["col_px"].to_numpy()
 WRONG = [
-    ({"sigma_px": 0.5}, f": sigma_px: an array of shape (); must be one value for each row, shape ({N},)"),
+    ({"sigma_px": 0.5}, f": sigma_px: the single value 0.5; must be one for each row: np.full({N}, 0.5)"),
     ({"sigma_px": [0.0] + [0.5] * (N - 1)}, ", row 0: sigma_px: 0.0; must be positive, at most 1e6"),
     ({"sigma_px": np.ones((N, 2))}, f": sigma_px: an array of shape ({N}, 2); must be one value for each row, shape ({N},)"),
     ({"col_px": COL[:-1]}, f": col_px: an array of shape ({N - 1},); must be one value for each row, shape ({N},)"),
