@@ -279,14 +279,8 @@ def _repeated(table: Table, key: tuple[str, ...]) -> Iterator[Problem]:
 # --- The bytes of a flight's files
 
 
-SMALL = 10_000_000
-"""Largest file, bytes, that is read without a check of the free memory."""
-
 DEEPEST = 10
 """Largest number of folders in the name of a file."""
-
-EXPANSION = 25
-"""Memory needed to read and check a file, as a multiple of its size."""
 
 
 def read_bytes(
@@ -366,11 +360,6 @@ def named_file(flight: Path, folder: Path, name: str) -> tuple[Path | None, str]
     if not there:
         return None, ABSENT
     return (path, "") if path.is_file() else (None, "is no regular file")
-
-
-def fits(size: int) -> bool:
-    """Tell whether files of `size` bytes in total can be read and checked in the free memory."""
-    return size <= SMALL or size * EXPANSION <= free_memory()
 
 
 def free_memory() -> int:
