@@ -128,8 +128,6 @@ class RenderJob:
         Further entries for the description in the image.
     checked : bool
         Whether its pictures are known to belong together.
-    threads : int or None
-        Number of threads; None for all.
     """
 
     exposure: str
@@ -142,7 +140,6 @@ class RenderJob:
     preview: Path
     about: Mapping[str, Any]
     checked: bool = False
-    threads: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,7 +213,6 @@ def _render(job: RenderJob, heads: HeadImages, tell: TellRows) -> Outcome:
         _stripes(job, plan, heads, tell),
         _format(job, heads),
         _about(job, notes),
-        threads=job.threads,
     )
     heads.forget()
     write_preview(job.preview, job.path)
@@ -262,7 +258,7 @@ def _stripes(
     fill = stacked if job.options.blend == STACK else blended
     form = _format(job, heads)
     return stripes(
-        fill(plan, heads.images, job.threads),
+        fill(plan, heads.images),
         (form.height, form.width, form.bands),
         heads.images[0].dtype,
         partial(tell, job.exposure),
@@ -352,19 +348,19 @@ Fill = Callable[[Raster, int], Any]
 """Fills an array with rows of the image from a given row on."""
 
 
-def blended(plan: RenderPlan, images: Sequence[Raster], threads: int | None) -> Fill:
+def blended(plan: RenderPlan, images: Sequence[Raster]) -> Fill:
     """Return a function that fills stripes with the blended image of all heads."""
-    return lambda out, start: render_into(out, plan, images, start, threads)
+    return lambda out, start: render_into(out, plan, images, start, None)
 
 
-def stacked(plan: RenderPlan, images: Sequence[Raster], threads: int | None) -> Fill:
+def stacked(plan: RenderPlan, images: Sequence[Raster]) -> Fill:
     """Return a function that fills stripes with the bands of all heads, head after head."""
     head_plans = [replace(plan, maps=(head,), feather_px=0.0) for head in plan.maps]
 
     def fill(out: Raster, start: int) -> None:
         stop = start + len(out)
         parts = (
-            render_rows(head_plan, [image], start, stop, threads=threads)
+            render_rows(head_plan, [image], start, stop)
             for head_plan, image in zip(head_plans, images, strict=True)
         )
         np.concatenate(list(parts), axis=2, out=out)

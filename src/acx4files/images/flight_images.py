@@ -12,7 +12,6 @@ import importlib.metadata
 import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -37,7 +36,6 @@ from acx4files.results.whole_files import file_stem
 from acx4lib.calibration.heads import RelativeOrientation, not_calibrated
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.geometry.camera import Camera
-from acx4lib.least_squares.processors import as_finished
 
 ORIENTED = ("synthetic/refined", "heads/relative_orientation")
 """Results with the orientation of the heads; the first one that exists is used."""
@@ -90,15 +88,13 @@ class Rendered:
     notes: tuple[str, ...]
 
 
-def render_flight(  # noqa: PLR0913 what, how and where
+def render_flight(
     flight: Flight,
     results_path: str | Path,
     folder: str | Path,
     *,
     exposures: Sequence[str] | None = None,
     options: RenderOptions = RenderOptions(),  # noqa: B008 frozen
-    executor: Executor | None = None,
-    threads: int | None = None,
     tell: TellRows = lambda *_: None,
 ) -> Rendered:
     """Render the synthetic images of a flight.
@@ -115,10 +111,6 @@ def render_flight(  # noqa: PLR0913 what, how and where
         By default all exposures with the files of all heads, in every block that is measured in
         heads; ``block/name`` where two of them have an exposure of this name.
     options : RenderOptions
-    executor : Executor, optional
-        Processes, or a Dask cluster that sees the same files; by default one after the other.
-    threads : int, optional
-        Of one image; by default one for each processor of this computer.
     tell : callable
         Called with exposure, rows finished and all rows; all rows are 0 if the exposure failed.
 
@@ -143,8 +135,8 @@ def render_flight(  # noqa: PLR0913 what, how and where
         response = (
             estimate_flight_response(sources, rig.orientation, rig.synthetic) if remaining else None
         )
-        remaining = [replace(_with_response(job, response), threads=threads) for job in remaining]
-        outcomes = [*_missing(chosen, incomplete), *_rendered(remaining, rig, executor, tell)]
+        remaining = [_with_response(job, response) for job in remaining]
+        outcomes = [*_missing(chosen, incomplete), *_rendered(remaining, rig, tell)]
         if kept:
             _list(folder, rig, [job for job in jobs if job.exposure in kept])
     outcomes.sort(key=lambda o: chosen.index(o.exposure))
@@ -158,14 +150,13 @@ def render_flight(  # noqa: PLR0913 what, how and where
     )
 
 
-def _rendered(
-    jobs: Sequence[RenderJob], rig: SyntheticRig, executor: Executor | None, tell: TellRows
-) -> list[Outcome]:
+def _rendered(jobs: Sequence[RenderJob], rig: SyntheticRig, tell: TellRows) -> list[Outcome]:
     """Render images, and add each to the folder's table as soon as it is complete."""
     outcomes = []
     for job in jobs:
         tell(job.exposure, 0, job.synthetic.height_px)
-    for job, outcome in _outcomes(jobs, executor, tell):
+    for job in jobs:
+        outcome = render_exposure(job, tell)
         outcomes.append(outcome)
         if outcome.problems:
             tell(job.exposure, 0, 0)
@@ -347,41 +338,3 @@ def _list(folder: Path, rig: SyntheticRig, jobs: Sequence[RenderJob]) -> None:
     writer.writeheader()
     writer.writerows(rows[name] for name in sorted(rows) if (folder / rows[name]["file"]).is_file())
     whole_files.write(path, table.getvalue())
-
-
-# --- Synthetic images made one after the other, or by the workers of an executor
-
-
-def _outcomes(
-    jobs: Sequence[RenderJob], executor: Executor | None, tell: TellRows
-) -> Iterator[tuple[RenderJob, Outcome]]:
-    """Yield each job with its outcome as soon as it is finished."""
-    if executor is None:
-        yield from ((job, render_exposure(job, tell)) for job in jobs)
-        return
-    for job, call in as_finished(executor, _made, [_absolute(job) for job in jobs]):
-        tell(job.exposure, job.synthetic.height_px, job.synthetic.height_px)
-        yield job, _outcome(job, call)
-
-
-def _made(job: RenderJob) -> Outcome:
-    return render_exposure(job, lambda *_: None)
-
-
-def _absolute(job: RenderJob) -> RenderJob:
-    """Return a job for a worker that may run in another folder."""
-    files = tuple(path.absolute() for path in job.files)
-    return replace(job, files=files, path=job.path.absolute(), preview=job.preview.absolute())
-
-
-def _outcome(job: RenderJob, call: Future[Outcome]) -> Outcome:
-    """Return the outcome of a call; an image lost with its worker has a problem."""
-    try:
-        return call.result()
-    except FileNotFoundError as error:
-        problem = error.strerror or str(error)
-        return Outcome(exposure=job.exposure, problems=(problem,))
-    except Exception as error:  # the other images go on
-        reason = " ".join(str(error).split()) or type(error).__name__
-        problem = f"{reason}; short of memory? use fewer workers"
-        return Outcome(exposure=job.exposure, problems=(problem,))

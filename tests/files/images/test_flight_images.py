@@ -1,9 +1,7 @@
 """Synthetic images of a flight as files: right, made again only where needed, despite bad files."""
 
 import json
-import multiprocessing
 import shutil
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -221,26 +219,6 @@ def test_heads_refined_by_each_images_tie_points_fit_better(rendered, own):
     assert rms["image"] < 0.3 * rms["flight"]
 
 
-@pytest.mark.slow
-def test_two_processes_render_the_same_bytes(rendered, made, tmp_path):
-    folder, _ = rendered()
-    told = []
-    spawned = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(2, mp_context=spawned) as pool:
-        report = render_flight(
-            flights.read(made[0]),
-            made[1],
-            tmp_path / "two",
-            executor=pool,
-            threads=1,
-            tell=lambda *said: told.append(said),
-        )
-    assert sorted(report.rendered) == ["E0", "E1"]
-    for name in ("E0.tif", "E1.tif", "images.csv"):
-        assert (tmp_path / "two" / name).read_bytes() == (folder / name).read_bytes()
-    assert {name for name, done, total in told if done == total} == {"E0", "E1"}
-
-
 # --- heads as bands of one image, in stripes -------------------------------------------------
 
 
@@ -261,7 +239,7 @@ def pictures():
 
 def test_every_head_is_a_band_of_its_own_pixels(plan, pictures):
     told = []
-    fill = stacked(plan, pictures, 1)
+    fill = stacked(plan, pictures)
     parts = [
         part.copy()
         for part in stripes(fill, (700, 96, 3), np.dtype("uint16"), lambda *n: told.append(n))
@@ -273,6 +251,6 @@ def test_every_head_is_a_band_of_its_own_pixels(plan, pictures):
 
 def test_blended_heads_of_one_place_are_their_mean(plan, pictures):
     out = np.empty((700, 96, 1), np.uint16)
-    blended(plan, pictures, 1)(out, 0)
+    blended(plan, pictures)(out, 0)
     mean = np.mean(pictures, axis=0)
     assert np.abs(out - mean).max() <= 1
