@@ -17,7 +17,6 @@ from pathlib import Path
 import numpy as np
 import tifffile
 
-from acx4files.flight.table_files import free_memory
 from acx4files.images import tiff as tiff_files
 from acx4lib.errors import FlightError
 from acx4lib.expected import Raster
@@ -53,9 +52,6 @@ _COLOURS = {
 }
 _YCBCR = 6
 _JPEG = {6, 7}
-_BOUNDED = {1, 5, 8, 32773, 32946, 34925, 50000}
-"""Ways to pack bytes: none, LZW, deflate, packbits, LZMA, zstd; what is too long is refused."""
-_HEADER_OF_PART = 2**17
 _ALPHA = {1, 2}
 _ORIENTATION = 274
 _REDUCED_OR_MASK = 1 | 4
@@ -96,7 +92,6 @@ class _Header:
     offsets: tuple[int, ...]
     counts: tuple[int, ...]
     n_parts: int
-    part_px: int
     as_in_memory: bool
 
     @property
@@ -123,16 +118,11 @@ def image_from_file(path: Path, camera: Camera) -> ImageFile:
     """
     with _readable(path):
         size = path.stat().st_size
-        with path.open("rb") as file:
-            fault = tiff_files.fault(file, size, pages=PAGES)
-        if fault:
-            raise FlightError([f"{path}: {fault}"])
         with tiff_files.opened(path) as tiff:
             header = _header(tiff)
     k = _reduction(header, camera)
     problem = _kind_problem(header) or _size_problem(header, camera, k)
-    problem = problem or _extent_problem(header, size) or _memory_problem(header, size)
-    problem = problem or _part_problem(path, header)
+    problem = problem or _extent_problem(header, size)
     if problem:
         raise FlightError([f"{path}: {problem}"])
     image = (_mapped if header.as_in_memory else _decoded)(path, header)
@@ -228,8 +218,6 @@ def _header(tiff: tifffile.TiffFile) -> _Header:
     native = page.dtype == np.uint8 or (tiff.byteorder == "<") == (sys.byteorder == "little")
     interleaved = page.samplesperpixel == 1 or page.planarconfig == 1
     plain = page.fillorder == 1 and page.predictor == 1
-    tiled, in_strips = (page.tilelength, page.tilewidth), (page.rowsperstrip, page.imagewidth)
-    part = tiled if page.is_tiled else in_strips
     return _Header(
         width=int(page.imagewidth),  # a damaged tag may have several values
         height=int(page.imagelength),
@@ -244,7 +232,6 @@ def _header(tiff: tifffile.TiffFile) -> _Header:
         offsets=tuple(map(int, page.dataoffsets)),
         counts=tuple(map(int, page.databytecounts)),
         n_parts=int(np.prod(page.chunked)),
-        part_px=int(part[0]) * int(part[1]),
         as_in_memory=bool(
             native and interleaved and plain and page.is_contiguous and page.is_memmappable
         ),
@@ -309,30 +296,6 @@ def _extent_problem(header: _Header, size: int) -> str | None:
     return None
 
 
-def _memory_problem(header: _Header, size: int) -> str | None:
-    """Return the problem of pixels too many for the file or the memory; None otherwise."""
-    if header.as_in_memory:
-        return None
-    whole, part = (n * header.pixel_bytes for n in (header.width * header.height, header.part_px))
-    # A part is in memory as unpacked, as put together, and in the picture.
-    return fault(max(whole, part), size, 2 * whole + 2 * part) or None
-
-
-def _part_problem(path: Path, header: _Header) -> str | None:
-    """Return a problem of parts packed in an unknown way, or of JPEG parts too large."""
-    if header.compression in _BOUNDED:
-        return None
-    if header.compression not in _JPEG:
-        return f"is packed in the way {header.compression}; give it as deflate, LZW, zstd or JPEG"
-    with path.open("rb") as file:
-        for offset, count in zip(header.offsets, header.counts, strict=False):
-            file.seek(offset)
-            size = size_of(file.read(min(count, _HEADER_OF_PART)))
-            if size is None or size[0] * size[1] > header.part_px:
-                return "has parts of JPEG that are larger than the picture says, or say no size"
-    return None
-
-
 def _mapped(path: Path, header: _Header) -> Raster:
     """Map an image that is stored in its file as in memory."""
     with path.open("rb") as file:
@@ -351,14 +314,8 @@ def _decoded(path: Path, header: _Header) -> Raster:
     return np.ascontiguousarray(pixels, dtype=header.dtype)
 
 
-# --- The size of a JPEG or PNG by its header, before any pixel is unpacked
+# --- The size of a JPEG or PNG by its header, and whether it has an end
 
-
-LARGEST_RATIO = 200
-"""Largest ratio of a picture's bytes to its file's; pictures of the ground have 2 to 50."""
-
-SMALL = 100_000_000
-"""Bytes of a picture that is unpacked at any ratio: it may be empty."""
 
 SCAN, END = 0xDA, 0xD9
 FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
@@ -424,23 +381,3 @@ def size_of(data: bytes) -> tuple[int, int] | None:
                 height, width = struct.unpack(">HH", part[1:5])
                 return width, height
     return None
-
-
-def fault(n_bytes: int, size: int, needed: int | None = None) -> str:
-    """Return the reason not to unpack a picture; empty without any.
-
-    Parameters
-    ----------
-    n_bytes : int
-        Bytes of its pixels.
-    size : int
-        Bytes of its file.
-    needed : int, optional
-        Bytes of memory for unpacking; by default those of its pixels.
-    """
-    if n_bytes > SMALL and n_bytes > LARGEST_RATIO * size:
-        return f"has {n_bytes} bytes of pixels in {size}; {LARGEST_RATIO} times as many at most"
-    needed, free = n_bytes if needed is None else needed, free_memory()
-    if needed > free:
-        return f"needs {needed} bytes of memory to be unpacked; {free} are free"
-    return ""

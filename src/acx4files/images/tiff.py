@@ -1,8 +1,4 @@
-"""TIFF files: the memory of tags checked before reading, and large images written.
-
-A tag says where its values lie. Thousands of tags may name the same megabyte of a small file, and
-a reader makes a copy for each of them.
-"""
+"""TIFF files: opened, looked at for their end, and large images written."""
 
 from __future__ import annotations
 
@@ -28,57 +24,15 @@ from acx4lib import expected
 from acx4lib.expected import Raster
 from acx4lib.least_squares import processors
 
-MOST_BYTES = 20_000_000
-"""Largest sum of the values of all tags; places of a million tiles take 16 MB."""
-
-MOST_TAGS = 4096
-"""Largest number of tags of a directory."""
-
-SIZES = {
-    **dict.fromkeys((1, 2, 6, 7), 1),
-    **dict.fromkeys((3, 8), 2),
-    **dict.fromkeys((4, 9, 11, 13), 4),
-    **dict.fromkeys((5, 10, 12, 16, 17, 18), 8),
-}
-"""Bytes of a value by the type of the tag."""
-
-EXIF, GPS = 34665, 34853
-BELOW = (EXIF, GPS)
-"""Tags that name a directory of others."""
-
-UNREAD = {37724, 34377, 34675}
-"""Tags of layers and colour profiles, which are large and not used here."""
-
-_BROKEN = (struct.error, OSError, ValueError, OverflowError)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Kind:
-    """Encoding of numbers in a file: byte order, and width of offsets."""
-
-    order: str
-    big: bool
-
-    @property
-    def tag(self) -> struct.Struct:
-        return struct.Struct(self.order + ("HHQQ" if self.big else "HHII"))
-
-    @property
-    def place(self) -> struct.Struct:
-        return struct.Struct(self.order + ("Q" if self.big else "I"))
-
-    @property
-    def number(self) -> struct.Struct:
-        return struct.Struct(self.order + ("Q" if self.big else "H"))
+_BROKEN = (struct.error, OSError, ValueError, OverflowError, TypeError, LookupError)
 
 
 def opened(source: Path | BinaryIO) -> tifffile.TiffFile:
-    """Open a TIFF, but never as a microscope format, which is read without a limit.
+    """Open a TIFF, never as a format of a microscope.
 
     Parameters
     ----------
     source : Path or binary file
-        A file whose tags have no `fault`.
     """
     return tifffile.TiffFile(source, is_lsm=False, is_ndpi=False, is_scanimage=False, is_stk=False)
 
@@ -112,97 +66,15 @@ def is_cut_off(file: BinaryIO, size: int) -> bool:
         Of the file, bytes.
     """
     try:
-        if _end_of_tags(file) > size:
-            return True
+        with in_silence(), opened(file) as tiff:
+            page = tiff.pages.first
+            places = sum(tag.valueoffset + tag.valuebytecount > size for tag in page.tags)
+            return places > 0 or not page.dataoffsets or end_of_pixels(tiff) > size
+    except (tifffile.TiffFileError, IndexError):
         file.seek(0)
-        if fault(file, size):
-            return False  # reported where the file is read
-        file.seek(0)
-        with in_silence():
-            return end_of_pixels(opened(file)) > size
-    except (*_BROKEN, TypeError, LookupError):  # damaged otherwise, or no TIFF
+        return file.read(2) in (b"II", b"MM")  # and its directory is not there
+    except _BROKEN:  # damaged otherwise: reported where the file is read
         return False
-
-
-def _end_of_tags(file: BinaryIO) -> int:
-    """Return the end of the first directory of a TIFF, bytes; 0 for other files."""
-    start = _begin(file)
-    if start is None:
-        return 0
-    kind, offset = start
-    file.seek(offset)
-    number = file.read(kind.number.size)
-    n = kind.number.unpack(number)[0] if len(number) == kind.number.size else 0
-    return offset + kind.number.size + n * kind.tag.size + kind.place.size
-
-
-def _begin(file: BinaryIO) -> tuple[_Kind, int] | None:
-    """Return the encoding of a TIFF, and the offset of its first directory; None for others."""
-    start = file.read(16)
-    order = {b"II": "<", b"EP": "<", b"MM": ">"}.get(start[:2], "")
-    if not order or len(start) < 8:
-        return None
-    (version,) = struct.unpack(order + "H", start[2:4])
-    kind = _Kind(order=order, big=version == 43)
-    (offset,) = kind.place.unpack_from(start, 8 if kind.big else 4)
-    return kind, offset
-
-
-def fault(file: BinaryIO, size: int, *, pages: int = 1, below: bool = False) -> str:
-    """Return the reason not to read the tags of a TIFF; empty without any, or for other files.
-
-    Parameters
-    ----------
-    file : binary file
-        At its beginning.
-    size : int
-        Of the file, bytes.
-    pages : int
-        Directories of images that are read.
-    below : bool
-        Whether the directories of EXIF and GPS are read as well.
-    """
-    total = 0
-    most = min(size, MOST_BYTES)
-    try:
-        for code, n_bytes in _values(file, pages, below=below):
-            total += n_bytes if code not in UNREAD else 0
-            if total > most:
-                return f"has tags of more than {most} bytes, in {size}; they may share none"
-    except _BROKEN:  # the reader says in which way it is damaged
-        pass
-    return ""
-
-
-def _values(file: BinaryIO, pages: int, *, below: bool) -> Iterator[tuple[int, int]]:
-    """Yield tags and the bytes of their values, directory after directory."""
-    start = _begin(file)
-    if start is None:
-        return
-    kind, offset = start
-    for _ in range(pages):
-        if offset == 0:
-            return
-        others = []
-        for code, n_bytes, value in _directory(file, kind, offset):
-            yield code, n_bytes
-            if below and code in BELOW:
-                others.append(value)
-        offset = kind.place.unpack(file.read(kind.place.size))[0]
-        for directory in others:
-            yield from ((code, n_bytes) for code, n_bytes, _ in _directory(file, kind, directory))
-
-
-def _directory(file: BinaryIO, kind: _Kind, offset: int) -> Iterator[tuple[int, int, int]]:
-    """Yield tag, bytes and offset of its values; then the file is behind the directory."""
-    file.seek(offset)
-    (n,) = kind.number.unpack(file.read(kind.number.size))
-    if n > MOST_TAGS:
-        return
-    content = file.read(n * kind.tag.size)
-    whole = len(content) // kind.tag.size * kind.tag.size
-    for code, tag_type, count, value in kind.tag.iter_unpack(content[:whole]):
-        yield code, count * SIZES.get(tag_type, 8), value
 
 
 # --- Images too large for the memory, written as a tiled BigTIFF with overviews
