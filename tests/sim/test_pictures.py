@@ -332,7 +332,7 @@ def plain():
     return Landscape(country=COUNTRY)
 
 
-VILLAGE, LAKE, RIVER = (-470.0, 250.0), (1213.0, -871.0), (-330.0, 360.0)
+VILLAGE, LAKE = (-470.0, 250.0), (1213.0, -871.0)
 
 
 @pytest.mark.parametrize("place", [VILLAGE, LAKE, (150.0, -80.0)])
