@@ -16,7 +16,7 @@ import pandas as pd
 
 from acx4files.results import folder as results
 from acx4files.results.provenance import check_kept, read_run
-from acx4files.results.read_back import read_calibration, refused
+from acx4files.results.read_back import read_calibration
 from acx4lib.calibration import estimates
 from acx4lib.calibration.estimates import Calibration, Parameter
 from acx4lib.design import flying_heights
@@ -73,9 +73,8 @@ def read(folder: str | Path, *, method: str = "") -> Campaign:
     if not entry.get("converged") or entry.get("stopped"):
         reason = next(iter(results.messages(entry, "stopped")), f"{key} did not converge")
         raise FlightError([f"{run.folder}: no calibration to compare: {reason}"])
-    with refused(stored):
-        cameras = [flight.cameras[name] for name in results.cameras(stored, key)]
-        calibration = read_calibration(stored, key, cameras)
+    cameras = [flight.cameras[name] for name in results.cameras(stored, key)]
+    calibration = read_calibration(stored, key, cameras)
     synthetic = None if chosen in estimates.RIGS else flight.synthetic_camera
     block = flight.block("heads" if chosen == "rig" else "calibration")
     return Campaign(

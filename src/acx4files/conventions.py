@@ -1,31 +1,650 @@
-"""Usual interpretations (readings) of a flight's numbers, compared by misfit (section 3.2).
+"""Usual readings of a flight's numbers: which sign, order, unit, frame or datum would fit better.
 
-Most errors in direct georeferencing are a sign or an axis. The readings of trajectory, image
-measurements and control are compared. For each, the mounting of the cameras of some images is
+Most errors in direct georeferencing are a sign or an axis. This is the one place that finds them,
+in two steps. `contradictions` asks whether surveyed points, projected with the declared mounting,
+lie near their measurements at all; if not, the reading that mends it is named, and the flight is
+refused. `best_reading` compares finer ones: for each, the mounting of the cameras of some images is
 adjusted on a trajectory assumed exact; the remaining distance of rays from their points is the
-misfit of the reading. The best reading is named if it is much better than the given reading.
+misfit of the reading, which is named if it is much smaller than that of the given one. `acx4 check`
+calls it, and a command that failed; no stage does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
+from typing import NamedTuple, Protocol
 
 import numpy as np
+import pyproj
 
-from acx4files.flight import readings
-from acx4files.flight.block_from_tables import index_of, poses
-from acx4files.flight.reader import Flight
-from acx4files.flight.tables import Table
-from acx4lib import expected
 from acx4lib.block import Block, ImagePoints
 from acx4lib.design import strip_of_exposure
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera, Interior, correct, correct_jacobian, xy_from_colrow
 from acx4lib.geometry.collinearity import pinhole, pinhole_jacobian, to_camera
-from acx4lib.geometry.frames import Pose, exp, log, skew, transform
-from acx4lib.geometry.geodesy import MappingFrame
+from acx4lib.geometry.frames import (
+    Pose,
+    exp,
+    log,
+    opk_from_rotation,
+    rotation_from_opk,
+    rph_from_rotation,
+    skew,
+    transform,
+    turn,
+)
+from acx4lib.geometry.geodesy import GridSystem, MappingFrame
 from acx4lib.geometry.intersection import intersect
+
+Numbers = Mapping[str, Array]
+"""The numeric columns of a trajectory, in either form."""
+
+
+class Recorded(Protocol):
+    """A trajectory as its file has it."""
+
+    @property
+    def text(self) -> Mapping[str, Sequence[str]]:
+        """Its names, with the column exposure."""
+
+    @property
+    def numbers(self) -> Numbers:
+        """Its numbers."""
+
+
+class Flown(Protocol):
+    """A flight, of which only this is needed."""
+
+    @property
+    def blocks(self) -> Mapping[str, Block]:
+        """Its blocks by name."""
+
+    @property
+    def trajectories(self) -> Mapping[str, Recorded]:
+        """Their trajectories."""
+
+    def block(self, name: str, /) -> Block:
+        """Return a block; FlightError where there is none."""
+
+
+# --- What the numbers of a trajectory, of heights and of pixels may mean, the simplest first
+
+
+ANGLES = {
+    "lat_deg": ("roll_deg", "pitch_deg", "heading_deg"),
+    "east_m": ("omega_deg", "phi_deg", "kappa_deg"),
+}
+FOOT = 0.3048
+"""International foot, m; that of the US survey is longer by a hundredth of a millimetre in 5 m."""
+
+_SIGNS = sorted(product((1, -1), repeat=3), key=lambda signs: signs.count(-1))[1:]
+"""Signs of three angles, those with the fewest changes first."""
+
+
+class Meaning(NamedTuple):
+    """A reading of a trajectory: what columns were, what changes, the numbers it stands for."""
+
+    columns: tuple[str, ...]
+    says: str
+    quantity: str
+    numbers: Numbers
+
+    @property
+    def name(self) -> str:
+        """Columns and meaning, as in "pitch of opposite sign"."""
+        return f"{_plain(self.columns)} {self.says}"
+
+
+def _plain(columns: Sequence[str]) -> str:
+    return ", ".join(c.removesuffix("_deg").removesuffix("_m").removesuffix("_px") for c in columns)
+
+
+def poses(numbers: Numbers, frame: MappingFrame) -> Pose:
+    """Return the poses T_m_b of a trajectory in either form, one for every row."""
+    xyz = ("lon_deg", "lat_deg") if "lat_deg" in numbers else ("east_m", "north_m")
+    at = np.stack([numbers[name] for name in (*xyz, "height_m")], axis=-1)
+    angles = np.radians(np.stack([numbers[name] for name in _angles_of(numbers)], axis=-1))
+    return (frame.pose_from_geographic if "lat_deg" in numbers else frame.pose_from_grid)(
+        at, angles
+    )
+
+
+def _angles_of(numbers: Numbers) -> tuple[str, str, str]:
+    return ANGLES["lat_deg" if "lat_deg" in numbers else "east_m"]
+
+
+def lonlat_of(numbers: Numbers, grid: GridSystem) -> Array:
+    """Return longitude and latitude of a trajectory in either form, degrees, shape (n, 2)."""
+    if "lat_deg" in numbers:
+        return np.stack([numbers["lon_deg"], numbers["lat_deg"]], axis=-1)
+    return grid.lonlat_from_grid(np.stack([numbers["east_m"], numbers["north_m"]], axis=-1))
+
+
+def meanings(numbers: Numbers, grid: GridSystem) -> Iterator[Meaning]:
+    """Yield a trajectory under each usual reading of its angles, heights and rows.
+
+    Parameters
+    ----------
+    numbers : mapping
+    grid : GridSystem
+        Of the flight, for the convergence of its meridians and the heights of its geoid.
+    """
+    names = _angles_of(numbers)
+    for columns, says, values in _angle_readings(numbers, grid):
+        changed = dict(zip(columns, values, strict=True))
+        yield Meaning(columns, says, "attitude", {**numbers, **changed})
+    angles = np.stack([numbers[name] for name in names], axis=-1)
+    for says, opk_or_rph in _orders(np.radians(angles), with_north=names[2] == "heading_deg"):
+        changed = dict(zip(names, np.degrees(opk_or_rph).T, strict=True))
+        yield Meaning(names, says, "attitude", {**numbers, **changed})
+    for says, height in height_readings(numbers["height_m"], lonlat_of(numbers, grid), grid):
+        yield Meaning(("height_m",), says, "position", {**numbers, "height_m": height})
+    n = np.arange(len(angles))
+    for step, neighbour in ((1, "next"), (-1, "previous")):
+        rows = np.clip(n + step, 0, len(n) - 1)
+        other = {name: values[rows] for name, values in numbers.items() if name[:4] != "time"}
+        says = f"of the {neighbour} row"
+        yield Meaning(("positions", "angles"), says, "position", {**numbers, **other})
+
+
+def _angle_readings(
+    numbers: Numbers, grid: GridSystem
+) -> Iterator[tuple[tuple[str, ...], str, Sequence[Array]]]:
+    """Yield columns of angles, what they were, and their values: signs, zeros, columns, units."""
+    names = roll, pitch, heading = _angles_of(numbers)
+    a, b, c = (numbers[name] for name in names)
+    for signs in _SIGNS:
+        flipped = [name for name, sign in zip(names, signs, strict=True) if sign < 0]
+        yield (*flipped,), "of opposite sign", [-numbers[name] for name in flipped]
+    with_north = heading == "heading_deg"
+    with np.errstate(all="ignore"):  # wrong positions may have no convergence
+        convergence = np.nan_to_num(np.degrees(grid.convergence(lonlat_of(numbers, grid))))
+    for says, values in (
+        ("an angle from east" if with_north else "a heading from north", 90 - c),
+        ("90 degrees too small", c + 90),
+        ("180 degrees too small", c + 180),
+        ("90 degrees too large", c - 90),
+        ("from grid north" if with_north else "from true north", c + convergence),
+    ):
+        yield (heading,), says, [values]
+    yield (roll, pitch), "exchanged", [b, a]
+    for flipped, i, j in (("the first", -1, 1), ("the second", 1, -1), ("both", -1, -1)):
+        yield (roll, pitch), f"exchanged, then {flipped} of opposite sign", [i * b, j * a]
+    yield (roll, heading), "exchanged", [c, a]
+    yield (pitch, heading), "exchanged", [c, b]
+    if not with_north:
+        yield names, "of a body with z down", [a + 180.0, -b, -c]
+    for chosen in (names, names[:2], names[2:]):
+        for unit, degrees in (("radians", 180 / np.pi), ("gon", 0.9)):
+            yield chosen, f"in {unit}", [numbers[name] * degrees for name in chosen]
+
+
+def _orders(angles: Array, *, with_north: bool) -> Iterator[tuple[str, Array]]:
+    """Yield the angles of turns multiplied in another order, or transposed; radians."""
+    R1, R2, R3 = (turn(axis, angles[:, axis]) for axis in range(3))
+    if with_north:
+        yield "in the order pitch before roll", rph_from_rotation(R3 @ R1 @ R2)
+        yield "in the order roll, pitch, heading", rph_from_rotation(R1 @ R2 @ R3)
+        transposed = rph_from_rotation(np.swapaxes(R3 @ R2 @ R1, -1, -2))
+        yield "of the transposed rotation (heading, pitch, roll)", transposed
+    else:
+        yield "in the order phi, omega, kappa", opk_from_rotation(R2 @ R1 @ R3)
+        yield "in the order kappa, phi, omega", opk_from_rotation(R3 @ R2 @ R1)
+        transposed = opk_from_rotation(np.swapaxes(R1 @ R2 @ R3, -1, -2))
+        yield "of the transposed rotation (omega, phi, kappa)", transposed
+
+
+def of_camera(numbers: Numbers, R_b_c: Array) -> Iterator[Meaning]:
+    """Yield a trajectory in the map whose angles are the camera's, converted to the body."""
+    if "kappa_deg" in numbers:
+        names = ANGLES["east_m"]
+        angles = np.radians(np.stack([numbers[name] for name in names], axis=-1))
+        body = np.degrees(opk_from_rotation(rotation_from_opk(angles) @ R_b_c.T))
+        changed = {**numbers, **dict(zip(names, body.T, strict=True))}
+        yield Meaning(names, "of the camera, not of the body", "attitude", changed)
+
+
+def height_readings(height: Array, lonlat: Array, grid: GridSystem) -> Iterator[tuple[str, Array]]:
+    """Yield other readings of heights: meaning, and heights in m.
+
+    Parameters
+    ----------
+    height : ndarray, shape (n,)
+        As they are given, m.
+    lonlat : ndarray, shape (n, 2)
+        Degrees.
+    grid : GridSystem
+    """
+    yield "in feet", height * FOOT
+    undulation = grid.undulation(lonlat)
+    if np.any(undulation != 0):
+        yield "above the ellipsoid", height - undulation
+
+
+def pixel_readings(colrow: Array, size: Array, pixel_mm: Array) -> Iterator[tuple[str, str, Array]]:
+    """Yield other readings of image measurements: columns, their meaning, pixels.
+
+    Half a pixel is not among them: no measurement tells it from the principal point.
+
+    Parameters
+    ----------
+    colrow : ndarray, shape (n, 2)
+        As they are given.
+    size : ndarray, shape (n, 2)
+        Width and height of the image of each, px.
+    pixel_mm : ndarray, shape (n, 1)
+    """
+    col, row = colrow.T
+    right, bottom = (size - 1 - colrow).T
+    yield "row_px", "counted from the bottom", np.column_stack([col, bottom])
+    yield "col_px", "counted from the right", np.column_stack([right, row])
+    yield "col_px, row_px", "exchanged", np.column_stack([row, col])
+    yield "col_px, row_px", "in mm from the middle", (size - 1) / 2 + colrow / pixel_mm * [1, -1]
+    yield "col_px, row_px", "in mm from the corner", colrow / pixel_mm - 0.5
+
+
+def _plane_readings(xy: Array, grid: GridSystem) -> Iterator[tuple[str, Array]]:
+    """Yield other readings of east and north: meaning, and values, shape (n, 2)."""
+    yield "swapped", xy[:, ::-1]
+    crs = None if grid.is_local else pyproj.CRS.from_user_input(grid.crs)
+    if crs is None or crs.utm_zone is None or crs.ellipsoid is None:
+        return
+    here, axes = crs.utm_zone, crs.ellipsoid
+    for zone in range(max(1, int(here[:-1]) - 2), min(60, int(here[:-1]) + 2) + 1):
+        for hemisphere, south in (("N", ""), ("S", " +south")):
+            ellipsoid = f"+a={axes.semi_major_metre!r} +b={axes.semi_minor_metre!r}"
+            other = pyproj.Proj(f"+proj=utm +zone={zone}{south} {ellipsoid}")
+            lonlat = np.stack(other(xy[:, 0], xy[:, 1], inverse=True), axis=-1)
+            if f"{zone}{hemisphere}" != here and np.isfinite(lonlat).all():
+                yield f"of UTM zone {zone}{hemisphere}", grid.grid_from_lonlat(lonlat)
+
+
+def _degree_readings(lonlat: Array) -> Iterator[tuple[str, Array]]:
+    """Yield other readings of longitude and latitude: meaning, and degrees, shape (n, 2)."""
+    yield "swapped", lonlat[:, ::-1]
+    yield "in radians", np.degrees(lonlat)
+    for columns, signs in (("lon_deg", [-1, 1]), ("lat_deg", [1, -1]), ("both", [-1, -1])):
+        yield f"of opposite sign ({columns})", lonlat * signs
+
+
+# --- The readings of a block: some of its measurements, and the poses of the body
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reading:
+    """A reading of a block.
+
+    Attributes
+    ----------
+    name : str
+        The change, such as "pitch of opposite sign".
+    quantity : {"attitude", "position", "image"}
+        Quantity that changes most.
+    seen : Sightings
+    T_m_b : Pose
+        One per exposure of the sightings.
+    table, column, says : str
+        Where the numbers stand, and the end of a sentence that begins with "it looks as if".
+    velocity : ndarray, shape (n_exposures, 3), or None
+        m/s, where a delay is to be found.
+    of_some : bool
+        Whether it changes some images only, perhaps too few for the misfit of all.
+    """
+
+    name: str
+    quantity: str
+    seen: Sightings
+    T_m_b: Pose
+    table: str = ""
+    column: str = ""
+    says: str = ""
+    velocity: Array | None = None
+    of_some: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Case:
+    """What readings are made of: sightings, poses, and the numbers of the tables behind them.
+
+    `rows` are those of the exposures in `numbers`, `enh` are east, north, height of the surveyed
+    points of the sightings, NaN for others.
+    """
+
+    frame: MappingFrame
+    seen: Sightings
+    T_m_b: Pose
+    numbers: Numbers
+    rows: Index
+    enh: Array
+
+    def moved(self, meaning: Meaning) -> Iterator[Reading]:
+        """Yield the reading of a trajectory, if its positions are on the earth."""
+        with np.errstate(all="ignore"):
+            T_m_b = poses({n: v[self.rows] for n, v in meaning.numbers.items()}, self.frame)
+        if np.isfinite(T_m_b.r).all() and np.isfinite(T_m_b.R).all():
+            last = meaning.columns[-1] if meaning.quantity == "attitude" else meaning.columns[0]
+            yield Reading(
+                name=meaning.name,
+                quantity=meaning.quantity,
+                seen=self.seen,
+                T_m_b=T_m_b,
+                table="trajectory",
+                column=last if last in self.numbers else "exposure",
+                says=f"{', '.join(meaning.columns)} were {meaning.says}",
+            )
+
+    def surveyed(self, columns: tuple[str, ...], says: str, enh: Array) -> Iterator[Reading]:
+        """Yield a reading of the surveyed points, if they are on the earth."""
+        known, x_m = np.isfinite(self.enh[:, 0]), self.seen.x_m.copy()
+        with np.errstate(all="ignore"):
+            x_m[known] = self.frame.from_grid(enh[known])
+        if np.isfinite(x_m[known]).all():
+            yield Reading(
+                name=f"{_plain(columns)} of control points {says}",
+                quantity="position",
+                seen=replace(self.seen, x_m=x_m),
+                T_m_b=self.T_m_b,
+                table="control_points",
+                column=columns[0],
+                says=f"{', '.join(columns)} were {says}",
+            )
+
+
+def _case(block: Block, trajectory: Recorded, seen: Sightings, enh: Array | None = None) -> _Case:
+    """Return the case of some sightings; of a long trajectory only their rows and neighbours."""
+    place = {name: row for row, name in enumerate(trajectory.text["exposure"])}
+    rows = np.array([place[block.trajectory.exposures[i]] for i in seen.exposures], dtype=np.intp)
+    near = np.unique(np.clip(rows[:, None] + [-1, 0, 1], 0, len(place) - 1))
+    if enh is None:
+        enh = np.full_like(seen.x_m, np.nan)
+        known = np.isfinite(seen.x_m[:, 0])
+        enh[known] = block.frame.to_grid(seen.x_m[known])
+    return _Case(
+        frame=block.frame,
+        seen=seen,
+        T_m_b=block.trajectory.T_m_b[seen.exposures],
+        numbers={name: values[near] for name, values in trajectory.numbers.items()},
+        rows=np.searchsorted(near, rows),
+        enh=enh,
+    )
+
+
+def _of_trajectory(case: _Case) -> Iterator[Reading]:
+    for meaning in meanings(case.numbers, case.frame.grid):
+        yield from case.moved(meaning)
+    if len(case.seen.cameras) == 1:
+        for meaning in of_camera(case.numbers, case.seen.cameras[0].T_b_c.R):
+            yield from case.moved(meaning)
+
+
+def _of_heights(case: _Case) -> Iterator[Reading]:
+    known, enh = np.isfinite(case.enh[:, 0]), case.enh.copy()
+    grid = case.frame.grid
+    lonlat = grid.lonlat_from_grid(enh[known, :2])
+    for says, height in height_readings(case.enh[known, 2], lonlat, grid):
+        enh[known, 2] = height
+        yield from case.surveyed(("height_m",), says, enh)
+
+
+def _of_pixels(case: _Case) -> Iterator[Reading]:
+    seen, given = case.seen, case.seen.cameras
+    size = np.array([[c.width_px, c.height_px] for c in given])[seen.camera_idx]
+    pixel_mm = np.array([[c.pixel_mm] for c in given])[seen.camera_idx]
+    for columns, meaning, colrow in pixel_readings(seen.colrow, size, pixel_mm):
+        yield Reading(
+            name=f"{columns.replace('_px', '')} {meaning}",
+            quantity="image",
+            seen=replace(seen, colrow=colrow),
+            T_m_b=case.T_m_b,
+            table="image_points",
+            column="row_px",
+            says=f"{columns} were {meaning}",
+        )
+
+
+# --- Whether surveyed points project near their measurements, and the likely mistake if not
+#
+# With the approximate mounting and the trajectory they must. Half of the strips may be wrong and
+# the median good (headings of 0 and 180 degrees in radians), so a usual mistake that explains the
+# worse half is reported as well.
+
+
+JUDGED = 3
+"""Number of control measurements that is enough to judge a single camera."""
+
+EXPLAINED_BY = 5000
+"""Number of measurements that mistakes are tried on; a part of more shows them as well."""
+
+MOST = 0.75
+"""Quantile of the distances that must be within the limit after a mistake is undone."""
+
+CLEARLY = 0.9
+"""Ratio to the best misfit so far below which a later mistake is clearly the better explanation."""
+
+FAR = 50_000.0
+"""Distance of a block from its control points, m, that only another CRS explains."""
+
+NO_TURN = np.radians(3.0)
+"""Mounting angles below which a camera has the axes of the body."""
+
+
+class Contradiction(NamedTuple):
+    """A sentence on surveyed points that do not fit, and where the likely mistake is.
+
+    `table` is that of a block, or "mount" for the angles of a camera in flight.toml.
+    """
+
+    table: str
+    column: str
+    camera: str
+    found: str
+    expected: str
+
+
+def misses(block: Block) -> tuple[Sightings, Array]:
+    """Return the measurements of all surveyed points, and how far unadjusted points are from them.
+
+    Returns
+    -------
+    seen : Sightings
+    ratio : ndarray, shape (n,)
+        In quarters of the image diagonal; infinite behind the camera.
+    """
+    seen = _all_surveyed(block, np.ones(len(block.image_points), dtype=bool))
+    return seen, _ratio(seen, block.trajectory.T_m_b[seen.exposures])
+
+
+def _all_surveyed(block: Block, keep: Mask) -> Sightings:
+    x_m = np.full((len(block.points), 3), np.nan)
+    for surveyed in (block.control, block.check):
+        x_m[surveyed.point_idx] = surveyed.x_m
+    points = block.image_points[keep & np.isfinite(x_m[block.image_points.point_idx, 0])]
+    return _sightings_of(block, points, x_m)
+
+
+def _ratio(seen: Sightings, T_m_b: Pose) -> Array:
+    start = Mounted(cameras=seen.cameras, x_m=seen.x_m)
+    with np.errstate(all="ignore"):
+        v = np.linalg.norm(_linear(seen, T_m_b, start, np.zeros((len(T_m_b), 3)))[0], axis=1)
+    quarter = [c.diagonal_px * c.pixel_mm / (4 * c.interior.f) for c in seen.cameras]
+    return np.nan_to_num(v / np.array(quarter)[seen.camera_idx], nan=np.inf)
+
+
+def contradictions(
+    block: Block, trajectory: Recorded, enh: Array, files: Mapping[str, str]
+) -> Iterator[Contradiction]:
+    """Yield a problem where the median distance exceeds a quarter of the image diagonal.
+
+    Parameters
+    ----------
+    block : Block
+    trajectory : Recorded
+        Of the block.
+    enh : ndarray, shape (n_points, 3)
+        East, north and height of the surveyed points as they were given; NaN for tie points.
+    files : mapping of str to str
+        Names of the tables ``trajectory``, ``control_points`` and ``image_points``.
+    """
+    seen, ratio = misses(block)
+    if not len(seen):
+        return
+    mine = {k: ratio[seen.camera_idx == k] for k in range(len(block.cameras))}
+    judged = {k: own for k, own in mine.items() if len(own) >= JUDGED}
+    wrong = [k for k, own in judged.items() if _upper(own, 0.5) > 1]
+    if wrong and len(wrong) < len(judged):
+        for k in wrong:
+            yield _contradiction(block, trajectory, enh, files, only=k)
+    elif _upper(ratio, MOST) > 1:
+        found = _contradiction(block, trajectory, enh, files)
+        if found.table or _upper(ratio, 0.5) > 1:
+            yield found if found.table else found._replace(table="control_points")
+
+
+def _upper(values: Array, quantile: float) -> float:
+    return float(np.quantile(values, quantile, method="higher"))
+
+
+def _contradiction(
+    block: Block,
+    trajectory: Recorded,
+    enh: Array,
+    files: Mapping[str, str],
+    only: int | None = None,
+) -> Contradiction:
+    """Return the sentence on a block, or on one of its cameras; no table if nothing explains it."""
+    keep = np.ones(len(block.image_points), dtype=bool)
+    if only is not None:
+        keep = block.images.camera_idx[block.image_points.image_idx] == only
+    seen = _all_surveyed(block, keep)
+    T_m_b = block.trajectory.T_m_b[seen.exposures]
+    ratio, allowed = _ratio(seen, T_m_b), np.median([c.diagonal_px / 4 for c in block.cameras])
+    of_camera = "" if only is None else f" in images of {block.cameras[only].name}"
+    median = float(np.median(ratio)) * allowed
+    place = f"{median:.0f} px from their measurements" if median < np.inf else "behind the camera"
+    found = (
+        f"control points{of_camera} lie {place} (median; {int((ratio > 1).sum())} of {len(ratio)} "
+        f"too far) with the trajectory of {files['trajectory']} and the points of "
+        f"{files['control_points']}"
+    )
+    measured = np.flatnonzero(keep & np.isfinite(enh[block.image_points.point_idx, 0]))
+    thin = np.zeros(len(keep), dtype=bool)
+    thin[measured[:: -(-len(measured) // EXPLAINED_BY)]] = True
+    some = _all_surveyed(block, thin)
+    case = _case(block, trajectory, some, enh[some.points])
+    best, after = _best_explanation(_mistakes(case, only))
+    table, column, camera = "", "east_m", ""
+    if best is not None:
+        table, column = best.table, best.column
+        where = f" in {files[table]}" if table in files else ""
+        found += f"; it looks as if {best.says}{where} (then {after * allowed:.0f} px)"
+    elif only is None:
+        found += f"; {_whereabouts(block)}"
+    else:
+        found += "; no quarter turn or sign explains it"
+    if table == "mount" or only is not None:
+        table, column = "mount", "mount_kappa_deg"
+        camera = block.cameras[only or 0].name
+    expected = f"must be below {allowed:.0f} px, a quarter of the image diagonal"
+    return Contradiction(table, column, camera, found, expected)
+
+
+def _best_explanation(tried: Iterator[Reading]) -> tuple[Reading | None, float]:
+    """Return the mistake that explains nearly all misfits, or None, and the median ratio then."""
+    best, least, after = None, 1.0 / CLEARLY, np.inf
+    for reading in tried:
+        ratio = _ratio(reading.seen, reading.T_m_b)
+        if _upper(ratio, MOST) < CLEARLY * least:
+            best, least, after = reading, _upper(ratio, MOST), float(np.median(ratio))
+    return best, after
+
+
+def _mistakes(case: _Case, only: int | None) -> Iterator[Reading]:
+    """Yield a block with each of the usual mistakes undone."""
+    if only is None:
+        yield from _of_heights(case)
+        for says, xy in _plane_readings(case.enh[:, :2], case.frame.grid):
+            yield from case.surveyed(
+                ("east_m", "north_m"), says, np.column_stack([xy, case.enh[:, 2]])
+            )
+        yield from _of_positions(case)
+    yield from _of_mounting(case, only)
+    if only is None:
+        yield from _of_trajectory(case)
+        yield from _of_pixels(case)
+
+
+def _of_positions(case: _Case) -> Iterator[Reading]:
+    on_map = "lat_deg" not in case.numbers
+    columns = ("east_m", "north_m") if on_map else ("lon_deg", "lat_deg")
+    xy = np.stack([case.numbers[name] for name in columns], axis=-1)
+    for says, other in _plane_readings(xy, case.frame.grid) if on_map else _degree_readings(xy):
+        numbers = {**case.numbers, **dict(zip(columns, other.T, strict=True))}
+        shown = columns if on_map else ("lat_deg", "lon_deg")
+        yield from case.moved(Meaning(shown, says, "position", numbers))
+
+
+def _of_mounting(case: _Case, only: int | None) -> Iterator[Reading]:
+    """Yield a block with other mountings: quarter turns, upside down, the inverse rotation."""
+    quarter = {k: turn(2, np.radians(k)) for k in (0, 90, 180, -90)}
+    turned = [(f"turned by {k} degrees about z", (R, None)) for k, R in quarter.items() if k]
+    turned += [("with z forward", (turn(0, np.pi) @ R, None)) for R in quarter.values()]
+    tried = [*turned, ("of the inverse rotation, body to camera", (None, None))]
+    tried += [("of other signs", (None, np.array(signs))) for signs in SIGNS]
+    for says, (R, signs) in tried:
+        cameras = tuple(
+            _remounted(camera, R, signs) if only in (None, k) else camera
+            for k, camera in enumerate(case.seen.cameras)
+        )
+        mounted = [camera for k, camera in enumerate(cameras) if only in (None, k)]
+        opk = [np.round(np.degrees(camera.T_b_c.opk)) + 0.0 for camera in mounted[:NAMED]]
+        listed = "; ".join(
+            f"{camera.name} {o:.0f}, {p:.0f}, {k:.0f}"
+            for camera, (o, p, k) in zip(mounted, opk, strict=False)
+        )
+        more = "; …" if len(mounted) > NAMED else ""
+        body = len(mounted) == 1 and np.allclose(mounted[0].T_b_c.R, np.eye(3), atol=NO_TURN)
+        or_body = ", or the angles are of the camera, not of the body" if body else ""
+        yield Reading(
+            name=says,
+            quantity="attitude",
+            seen=replace(case.seen, cameras=cameras),
+            T_m_b=case.T_m_b,
+            table="mount",
+            says=f"the camera axes were {says}: mount_omega_deg, mount_phi_deg, mount_kappa_deg "
+            f"of {listed}{more} would fit{or_body}",
+        )
+
+
+SIGNS = ((-1, 1, 1), (1, -1, 1), (-1, -1, 1), (1, 1, -1), (-1, -1, -1))
+NAMED = 10
+"""Number of cameras that a sentence names."""
+
+
+def _remounted(camera: Camera, R: Array | None, signs: Array | None) -> Camera:
+    """Return a camera turned by R, with other signs of its angles, or else by its inverse."""
+    R_b_c = camera.T_b_c.R.T if R is None else camera.T_b_c.R @ R
+    if signs is not None:
+        R_b_c = rotation_from_opk(camera.T_b_c.opk * signs)
+    return replace(camera, T_b_c=Pose(R=R_b_c, r=camera.T_b_c.r))
+
+
+def _whereabouts(block: Block) -> str:
+    """Return a sentence on the distance between control and exposures, to find the mistake."""
+    surveyed = np.concatenate([block.control.x_m, block.check.x_m])
+    shift = surveyed.mean(axis=0) - block.trajectory.T_m_b.r.mean(axis=0)
+    grid = block.frame.grid
+    doubt = np.hypot(*shift[:2]) > FAR and not grid.is_local
+    return (
+        "no usual mistake explains it; the control points' middle lies "
+        f"{shift[0]:.0f} m east, {shift[1]:.0f} m north and {shift[2]:.0f} m up of the exposures'"
+        + (f" (is {grid.crs} the right CRS?)" if doubt else "")
+    )
+
+
+# --- Readings of a flight that is not refused, compared by an adjustment
+
 
 BETTER = 2.0
 """Ratio of the given reading's misfit to another's below which no other reading is named."""
@@ -104,7 +723,7 @@ def _shown(value: float, unit: str) -> str:
     return f"{number}{unit}" if unit == "°" else f"{number} {unit}"
 
 
-def best_reading(flight: Flight, block_name: str) -> Found | None:
+def best_reading(flight: Flown, block_name: str) -> Found | None:
     """Return the reading of a block with a much smaller misfit than the given one; or None.
 
     Every usual reading of trajectory, control and image measurements is tried on at most sixty
@@ -116,111 +735,50 @@ def best_reading(flight: Flight, block_name: str) -> Found | None:
     FlightError
         Where the flight has no such block.
     """
-    expected.instance("flight", flight, Flight)
     block = flight.block(block_name)
     seen = sightings(block)
     if seen is None:
         return None
     with np.errstate(all="ignore"):  # readings may be absurd
-        return _searched(block, flight.trajectories[block_name], seen)
+        case = _case(block, flight.trajectories[block_name], seen)
+        given = mounted(seen, case.T_m_b)
+        tried = [
+            (reading, mounted(reading.seen, reading.T_m_b, reading.velocity))
+            for reading in _promising([*_readings(block, case)], started(seen, case.T_m_b).misfit)
+        ]
+        named = _best(tried, given, seen) or _best_fitted(block, seen, given)
+        return named or other_unit(block, seen, given)
 
 
-def _searched(block: Block, trajectory: Table, seen: Sightings) -> Found | None:
-    T_m_b = block.trajectory.T_m_b[seen.exposures]
-    given = mounted(seen, T_m_b)
-    others = list(_readings(block, trajectory, seen))
-    tried = [
-        (reading, mounted(reading.seen, reading.T_m_b, reading.velocity))
-        for reading in _promising(others, started(seen, T_m_b).misfit)
-    ]
-    named = _best(tried, given, seen) or _best_fitted(block, seen, given)
-    return named or other_unit(block, seen, given)
+def notes(flight: Flown) -> Iterator[str]:
+    """Yield a sentence for every block that another reading fits much better."""
+    for name in flight.blocks:
+        reading = best_reading(flight, name)
+        if reading is not None:
+            yield f"{name}: {reading.sentence}"
 
 
-def _readings(block: Block, trajectory: Table, seen: Sightings) -> Iterator[Reading]:
+def _readings(block: Block, case: _Case) -> Iterator[Reading]:
     """Yield the usual readings of a block, the simplest first."""
-    given = Reading(name="", quantity="", seen=seen, T_m_b=block.trajectory.T_m_b[seen.exposures])
-    yield from _of_trajectory(block, trajectory, given)
-    yield from _of_clock(block, given)
-    yield from _of_control(block.frame, given)
-    yield from _of_images(given)
-
-
-def _of_trajectory(block: Block, table: Table, given: Reading) -> Iterator[Reading]:
-    names = [block.trajectory.exposures[i] for i in given.seen.exposures]
-    table = _with_neighbours(table, index_of(names, table.text["exposure"]))
-    rows = index_of(names, table.text["exposure"])
-    others = list(readings.readings(table, block.frame.grid))
-    if len(block.cameras) == 1:
-        others += readings.of_cameras(table, block.cameras[0].T_b_c.R)
-    for other in others:
-        with np.errstate(all="ignore"):  # changed positions may not be on the earth
-            T_m_b = _poses(other.table, rows, block.frame)
-        if np.isfinite(T_m_b.r).all() and np.isfinite(T_m_b.R).all():
-            yield replace(given, name=other.name, quantity=other.quantity, T_m_b=T_m_b)
-
-
-def _with_neighbours(table: Table, rows: Index) -> Table:
-    """Return some rows of a table with the ones before and after each, of perhaps a million."""
-    keep = np.zeros(len(table) + 2, dtype=bool)
-    for step in (0, 1, 2):
-        keep[rows + step] = True
-    return table.select(keep[1:-1])
-
-
-def _poses(table: Table, rows: Index, frame: MappingFrame) -> Pose:
-    """Return the poses of some rows, in their order."""
-    numbers = {name: values[rows] for name, values in table.numbers.items()}
-    return poses(replace(table, lines=table.lines[rows], numbers=numbers), frame)
-
-
-def _of_clock(block: Block, given: Reading) -> Iterator[Reading]:
-    """Yield the reading in which positions are of another time than the pictures."""
-    velocity = _velocities(block, given.seen)
-    if velocity is not None:
+    yield from _of_trajectory(case)
+    given = Reading(name="", quantity="image", seen=case.seen, T_m_b=case.T_m_b)
+    if (velocity := _velocities(block, case.seen)) is not None:
         yield replace(given, name="the clock", quantity="position", velocity=velocity)
+    if np.isfinite(case.enh[:, 0]).any():
+        yield from _of_heights(case)
+        swapped = case.enh[:, [1, 0, 2]]
+        yield from case.surveyed(("east_m", "north_m"), "swapped", swapped)
+    yield from _north_up(given)
+    yield from _of_pixels(case)
 
 
-def _of_control(frame: MappingFrame, given: Reading) -> Iterator[Reading]:
-    """Yield other readings of the surveyed points' east, north and heights."""
-    surveyed = np.flatnonzero(np.isfinite(given.seen.x_m[:, 0]))
-    if not len(surveyed):
-        return
-    enh = frame.to_grid(given.seen.x_m[surveyed])
-    lonlat = frame.grid.lonlat_from_grid(enh[:, :2])
-    others = [
-        (f"height of control points {meaning}", np.column_stack([enh[:, :2], height]))
-        for meaning, height in readings.height_readings(enh[:, 2], lonlat, frame.grid)
-    ]
-    others += [
-        (f"east, north of control points {meaning}", np.column_stack([east_north, enh[:, 2]]))
-        for meaning, east_north in readings.plane_readings(enh[:, :2])
-    ]
-    for name, other in others:
-        x_m = given.seen.x_m.copy()
-        with np.errstate(all="ignore"):  # changed positions may not be on the earth
-            x_m[surveyed] = frame.from_grid(other)
-        if np.isfinite(x_m[surveyed]).all():
-            yield replace(given, name=name, quantity="position", seen=replace(given.seen, x_m=x_m))
-
-
-def _of_images(given: Reading) -> Iterator[Reading]:
-    """Yield readings of pixel coordinates with other axes, origins and units."""
-    seen = given.seen
-    size = np.array([[c.width_px, c.height_px] for c in seen.cameras])[seen.camera_idx]
-    pixel_mm = np.array([[c.pixel_mm] for c in seen.cameras])[seen.camera_idx]
-    yield from _north_up(given, size)
-    for columns, meaning, colrow in readings.pixel_readings(seen.colrow, size, pixel_mm):
-        name = f"{columns.replace('_px', '')} {meaning}"
-        yield replace(given, name=name, quantity="image", seen=replace(seen, colrow=colrow))
-
-
-def _north_up(given: Reading, size: Array) -> Iterator[Reading]:
+def _north_up(given: Reading) -> Iterator[Reading]:
     """Yield readings with images of one flying direction turned by 180 degrees, shown north up.
 
     The direction is against that of the first exposure, or along it.
     """
     seen, ahead = given.seen, given.T_m_b.R[:, :2, 0]
+    size = np.array([[c.width_px, c.height_px] for c in seen.cameras])[seen.camera_idx]
     against = (ahead @ ahead[0] < 0)[seen.exposure_idx]
     if not against.any() or against.all():
         return
@@ -236,15 +794,6 @@ def _promising(others: list[Reading], usual: float) -> list[Reading]:
     misfits = np.array([started(reading.seen, reading.T_m_b).misfit for reading in others])
     limit = min(PROMISING * usual, np.sort(misfits)[:MOST_TRIED].max(initial=0.0))
     return [r for r, m in zip(others, misfits, strict=True) if m <= limit or r.velocity is not None]
-
-
-def notes(flight: Flight) -> Iterator[str]:
-    """Yield a sentence for every block that another reading fits much better."""
-    expected.instance("flight", flight, Flight)
-    for name in flight.blocks:
-        reading = best_reading(flight, name)
-        if reading is not None:
-            yield f"{name}: {reading.sentence}"
 
 
 def _best(tried: list[tuple[Reading, Mounted]], given: Mounted, seen: Sightings) -> Found | None:
@@ -912,37 +1461,6 @@ def _mounted_of_images(
         )
 
 
-# --- The readings of a block: its sightings and body poses, each in another meaning of its
-# numbers
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Reading:
-    """A reading of a block.
-
-    Attributes
-    ----------
-    name : str
-        The change, such as "pitch of opposite sign".
-    quantity : {"attitude", "position", "image"}
-        Quantity that changes most.
-    seen : Sightings
-    T_m_b : Pose
-        One per exposure of the sightings.
-    velocity : ndarray, shape (n_exposures, 3), or None
-        m/s, where a delay is to be found.
-    of_some : bool
-        Whether it changes some images only, perhaps too few for the misfit of all.
-    """
-
-    name: str
-    quantity: str
-    seen: Sightings
-    T_m_b: Pose
-    velocity: Array | None = None
-    of_some: bool = False
-
-
 def _velocities(block: Block, seen: Sightings) -> Array | None:
     """Return the velocity of every exposure in use, m/s, shape (n, 3); None without times."""
     time_s = block.trajectory.time_s
@@ -989,6 +1507,8 @@ class Sightings:
     ----------
     cameras : tuple of Camera
         As declared.
+    points : ndarray, shape (n_points,)
+        Places of the points in the block.
     exposures : ndarray, shape (n_exposures,)
         Places of the exposures in the block's trajectory.
     camera_idx, exposure_idx, point_idx : ndarray, shape (n,)
@@ -1000,6 +1520,7 @@ class Sightings:
     """
 
     cameras: tuple[Camera, ...]
+    points: Index
     exposures: Index
     camera_idx: Index
     exposure_idx: Index
@@ -1024,12 +1545,18 @@ def sightings(block: Block) -> Sightings | None:
         few = _with_ties(block, points, np.isfinite(x_m[:, 0]))
     if not _enough(block, few):
         return None
+    return _sightings_of(block, few, x_m)
+
+
+def _sightings_of(block: Block, few: ImagePoints, x_m: Array) -> Sightings:
+    """Return some measurements of a block, with coordinates of all its points or NaN."""
     shown, point_idx = np.unique(few.point_idx, return_inverse=True)
     exposures, exposure_idx = np.unique(
         block.images.exposure_idx[few.image_idx], return_inverse=True
     )
     return Sightings(
         cameras=block.cameras,
+        points=shown,
         exposures=exposures,
         camera_idx=block.images.camera_idx[few.image_idx],
         exposure_idx=exposure_idx,

@@ -271,7 +271,7 @@ ZERO = 1e-12
 GREY = 2
 """Largest difference of grey values, of 65 535."""
 
-NAMED = ("flight", "sha256", "tables", "versions")
+NAMED = ("flight", "run", "sha256", "tables", "versions")
 """Keys of summary.json that say of which files it is."""
 
 

@@ -166,7 +166,6 @@ INFINITE = replace(BLOCK.control, x_m=np.full_like(BLOCK.control.x_m, np.inf))
             lambda: replace(BLOCK, image_points=replace(POINTS, image_idx=POINTS.image_idx + 1)),
             "image_points.image_idx: expected whole numbers from 0 to 11, got 12 in row",
         ),
-        (lambda: replace(BLOCK, cameras=()), "cameras: expected one Camera at least, got none"),
         (lambda: replace(blocks.CAMERA, pixel_mm=6.0), r"got 6.0, .* \(micrometres\?\)"),
         (lambda: rotation_from_opk(np.zeros((4, 2))), r"opk: expected shape \(\.\.\., 3\), got"),
     ],

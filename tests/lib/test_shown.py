@@ -5,7 +5,6 @@ import sys
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from IPython.lib.pretty import pretty
 from numpy.testing import assert_allclose
@@ -18,9 +17,8 @@ from acx4lib.bundle.reliability import reliability
 from acx4lib.bundle.variance_components import components
 from acx4lib.calibration.estimates import from_bundle, given, parameters
 from acx4lib.calibration.heads import calibrate_heads, relative_orientation
-from acx4lib.calibration.mounting import calibrate, single_step, two_step, two_step_gnss
+from acx4lib.calibration.mounting import single_step, two_step, two_step_gnss
 from acx4lib.errors import AdjustmentError
-from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.georeferencing.direct import Rays, intersect_rays
 from acx4lib.georeferencing.validation import validate
 from acx4lib.synthetic_image.transferred_points import transfer
@@ -101,24 +99,9 @@ def assert_short(value):
         assert all(0 < len(line) <= 120 for line in lines), text
 
 
-def test_values_of_a_mounting_show_themselves_in_a_line_or_two(open_mounting):
-    for value in open_mounting:
+def test_values_show_themselves_in_a_line_or_two(open_heads, open_mounting):
+    for value in (*open_heads, *open_mounting):
         assert_short(value)
-
-
-def test_values_are_short_however_many_cameras_there_are():
-    many = [
-        Camera(
-            name=f"a camera with a long name {k}",
-            width_px=9,
-            height_px=9,
-            pixel_mm=0.01,
-            interior=Interior(f=1 / 3 + 50, xp=1 / 7, k1=1e-9 / 3),
-        )
-        for k in range(40)
-    ]
-    assert_short(given(many))
-    assert_short(many[0].interior)
 
 
 # --- tables ----------------------------------------------------------------------------------
@@ -140,21 +123,6 @@ def test_a_table_has_every_parameter_with_its_unit_and_sigma(alone):
     assert [dtype.kind for dtype in table.dtypes] == ["f", "f"]
 
 
-def test_what_is_held_has_no_sigma_and_zeros_of_the_lens_are_left_out(alone):
-    table = two_step_gnss(alone.calibration, free=("xp", "yp")).table()
-    held = table.index[table["sigma"].isna()].get_level_values("parameter")
-    assert held.tolist() == ["f", "lever x", "lever y", "lever z"]
-    assert "k1" not in table.index.get_level_values("parameter")
-
-
-def test_a_camera_has_the_table_of_a_calibration_that_estimated_nothing(alone):
-    camera = alone.calibration.cameras[0]
-    assert camera.table().equals(given([camera]).table())
-    assert camera.table()["sigma"].isna().all()
-    n = sum(value != 0 for value in camera.interior.to_array())
-    assert camera.interior.table().equals(camera.table()[:n])
-
-
 def test_what_is_left_open_has_an_infinite_sigma(noisy_block):
     trajectory = noisy_block.trajectory
     never = replace(trajectory, sigma_position=np.full((len(trajectory), 3), np.inf))
@@ -162,48 +130,6 @@ def test_what_is_left_open_has_an_infinite_sigma(noisy_block):
     found = from_bundle(adjust(network)).table()
     open_ones = found.index[np.isinf(found["sigma"])].get_level_values("parameter")
     assert open_ones.tolist() == ["lever x", "lever y", "lever z"]
-
-
-def test_a_table_of_several_cameras_names_them(open_heads, flown):
-    fits, oriented = open_heads[0], open_heads[1 + len(open_heads[0].bundles)]
-    for table in (fits.table(), oriented.table()):
-        assert table.index.names == ["camera", "parameter", "unit"]
-        cameras = table.index.get_level_values("camera")
-        assert tuple(dict.fromkeys(cameras)) == flown.head_names
-    values = oriented.table().to_numpy().reshape(len(oriented.heads), 6, 2)
-    assert_allclose(values[:, :3, 0], oriented.xyz_mm, rtol=0)
-    assert_allclose(values[:, 3:, 0], np.degrees(oriented.opk), rtol=0)
-    assert np.argwhere(np.isnan(values[..., 1])).tolist() == [[0, 2]]  # Zc of the first, f is held
-
-
-def test_methods_stand_side_by_side_and_adjustments_below_each_other(alone):
-    found = calibrate(alone.calibration, free=FREE)
-    table, rows = found.table(), found.quality()
-    assert list(dict.fromkeys(table.columns.get_level_values(0))) == list(found.methods)
-    one = found["single_step"]
-    assert table["single_step"].equals(one.table())
-    assert rows.index.tolist() == list(found.methods)
-    solution = one.bundle.solution
-    row = one.quality().loc["single_step"]
-    assert row["observations"] - row["unknowns"] == row["redundancy"] == solution.redundancy
-    assert row["σ0²"] == solution.sigma0_sq
-    assert rows["observations"].dtype.kind == "i"
-
-
-def test_a_block_counts_what_is_in_it(flown):
-    table = flown.table()
-    assert table.index.tolist() == list(flown.blocks)
-    block = flown.calibration
-    assert table.loc["calibration"].to_dict() == {
-        "cameras": len(block.cameras),
-        "images": len(block.images.names),
-        "exposures": len(block.trajectory.exposures),
-        "points": len(block.points),
-        "control points": len(block.control.x_m),
-        "check points": len(block.check.x_m),
-        "measurements": len(block.image_points.colrow),
-    }
-    assert block.table().equals(table.loc[["calibration"]])
 
 
 def test_a_validation_has_mean_scatter_and_rms_of_pairs_and_points(alone):
@@ -221,25 +147,6 @@ def test_a_validation_has_mean_scatter_and_rms_of_pairs_and_points(alone):
         assert_allclose(rows["scatter"], np.std(d, axis=0, ddof=1), rtol=1e-12)
         assert_allclose(rows["RMS"], np.sqrt(np.mean(d**2, axis=0)), rtol=1e-12)
         assert_allclose(rows["expected RMS"], np.sqrt(np.mean(sigma**2, axis=0)), rtol=1e-12)
-
-
-def test_intersections_have_coordinates_and_sigma(open_mounting):
-    found = open_mounting[-1]
-    table = found.table()
-    assert_allclose(table["value"].to_numpy().reshape(-1, 3), found.x_m, rtol=0)
-    sigma = table["sigma"].to_numpy().reshape(-1, 3)
-    assert_allclose(sigma**2, [np.diag(cov) for cov in found.cov], rtol=1e-12)
-
-
-def test_components_are_a_row_for_every_group(alone):
-    found = components(single_step(alone.calibration, free=FREE).bundle)
-    table = found.table()
-    assert table.index.tolist() == [c.group for c in found]
-    assert table["number"].tolist() == [c.n for c in found]
-    factors = table["factor of σ"]
-    told = [c.estimable for c in found]
-    assert factors["value"].notna().tolist() == told
-    assert_allclose(factors["value"][told], [c.factor for c in found if c.estimable], rtol=0)
 
 
 def test_values_show_themselves_in_a_line_without_pandas():
@@ -272,12 +179,3 @@ def test_what_is_not_determined_is_a_value_that_is_false_and_says_why():
 def test_a_failure_of_linear_algebra_is_one_of_the_data():
     failed = attempt(np.linalg.inv, np.zeros((2, 2)))
     assert failed.reason.startswith("the equations cannot be solved (Singular matrix)")
-
-
-def test_a_failure_stands_beside_outcomes_in_a_table():
-    index = pd.MultiIndex.from_tuples([("f", "mm"), ("xp", "mm")], names=["parameter", "unit"])
-    found = pd.DataFrame({"value": [74.0, 0.1], "sigma": [0.01, 0.02]}, index=index)
-    joined = pd.concat({"a": found, "b": attempt(half, 5).table()}, axis=1)
-    assert joined["a"].equals(found)
-    assert joined["b"].isna().all(axis=None)
-    assert list(joined["b"].columns) == ["value", "sigma"]

@@ -10,7 +10,7 @@ import sys
 import pytest
 import yaml
 
-from acx4files.results.own_folder import mark_all
+import acx4 as acx
 from acx4sim.designs import DESIGNS
 from support.helpers import ROOT
 
@@ -76,6 +76,13 @@ def test_hosts_run_targets_and_files_that_exist(name):
     assert {word for words in called for word in words} <= targets
 
 
+@pytest.mark.parametrize("name", HOSTS)
+def test_hosts_keep_no_secret_and_have_the_python_of_the_project(name):
+    text = (ROOT / name).read_text(encoding="utf-8")
+    assert "secret" not in text.replace("needs no secret", "")
+    assert f"python:{VERSION}-bookworm" in text
+
+
 def test_the_container_has_the_files_that_are_installed():
     assert f"FROM python:{VERSION}-" in CONTAINERFILE
     copied = [
@@ -122,6 +129,14 @@ def test_what_a_notebook_tries_a_method_with_loads_no_tables_and_no_stage():
     assert done.stdout == f"{modules}\n"
 
 
+def test_functions_of_the_face_are_known_before_they_are_loaded():
+    assert set(acx.__all__) < set(dir(acx))
+    assert all(callable(getattr(acx, name)) for name in acx.__all__)
+    assert len((ROOT / "src" / "acx4" / "__init__.py").read_text("utf-8").splitlines()) <= 60
+    with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
+        _ = acx.nothing
+
+
 def test_models_and_solvers_load_no_pandas():
     paths = (ROOT / "src" / "acx4lib").rglob("*.py")
     names = [".".join(path.relative_to(ROOT / "src").with_suffix("").parts) for path in paths]
@@ -131,7 +146,7 @@ def test_models_and_solvers_load_no_pandas():
     assert done.stdout == "set()\n"
 
 
-# --- what make does with the names that it is given, and what it removes -----------------------
+# --- what make calls, and what it removes -----------------------------------------------------
 
 
 needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="make is not here")
@@ -139,56 +154,40 @@ needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="make is no
 
 @pytest.fixture
 def copy(tmp_path):
-    """A folder with the Makefile and what its `clean` needs; no environment."""
-    folder = tmp_path / "clone"
-    (folder / "src").mkdir(parents=True)
-    shutil.copy(ROOT / "Makefile", folder)
-    cache = shutil.ignore_patterns("__pycache__")
-    for house in ("acx4lib", "acx4files", "acx4sim"):
-        shutil.copytree(ROOT / "src" / house, folder / "src" / house, ignore=cache)
-    return folder
+    """A folder with the Makefile and nothing of an environment."""
+    (tmp_path / "clone" / "src" / "acx4sim").mkdir(parents=True)
+    shutil.copy(ROOT / "Makefile", tmp_path / "clone")
+    return tmp_path / "clone"
 
 
-def make(folder, *arguments, **environment):
-    return subprocess.run(
-        ["make", "-C", folder, *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={"PATH": "/usr/local/bin:/usr/bin:/bin", **environment},
+def make(folder, *arguments):
+    done = subprocess.run(
+        ["make", "-C", folder, *arguments], capture_output=True, text=True, check=True
     )
+    return done.stdout
 
 
 @needs_make
-def test_clean_removes_what_was_made_and_nothing_else(copy):
-    mine = {
-        *("data/flights/mine/flight.toml", "data/flights/acx4/my notes", "build/results/mine/x"),
-        "build/results/other/my notes",
-    }
-    made = {
-        *("data/flights/acx4/flight.toml", "data/flights/acx4/heads/images.csv"),
-        "data/flights/acx4-ideal/flight.toml",
-        *("build/results/other/parameters.csv", "book/_build/html/index.html", "build/stamps/x"),
-    }
-    for name in made:
-        (copy / name).parent.mkdir(parents=True, exist_ok=True)
-        (copy / name).write_text(name)
-    for name in ("acx4", "acx4-ideal"):
-        mark_all(copy / f"data/flights/{name}", "acx4 simulate")
-        truth = copy / f"data/flights/{name}.truth.json"
-        truth.write_text('{"made_by": "acx4 simulate"}')
-    (copy / "book/_build/.made-by-make").write_text("")
-    mark_all(copy / "build/results/other", "acx4 run")
-    for name in mine:
-        (copy / name).parent.mkdir(parents=True, exist_ok=True)
-        (copy / name).write_text(name)
-    done = make(copy, "clean")
-    assert done.returncode == 0, done.stderr
-    left = {
-        str(path.relative_to(copy))
-        for top in ("data", "build", "book")
-        for path in (copy / top).rglob("*")
-        if path.is_file()
-    }
-    assert left == mine
-    assert "build/results/mine: bears no mark of acx4" in done.stderr
+def test_the_ideal_flight_is_run_beside_the_one_that_ships_and_beside_no_other(copy):
+    quick = ("-n", "-o", ".venv/.stamp", "book")
+    both, other = make(copy, *quick, "REDUCE=8"), make(copy, *quick, "FLIGHT=mine/")
+    results = "build/results/data-flights-acx4-ideal"
+    assert "simulate acx4 --out data/flights/acx4 --images 'H1-05,H3-04,C2-05' --reduce '8'" in both
+    assert "simulate acx4-ideal --out data/flights/acx4-ideal \n" in both
+    assert f"--results '{results}' --stages mounting,validation -- data/flights/acx4-ideal" in both
+    assert f"'build/results/data-flights-acx4' book {results}" in both
+    assert "acx4-ideal" not in other
+    assert "book --strict --out 'build/books/mine' -- 'build/results/mine'" in other
+    alone = make(copy, *quick, "FLIGHT=data/flights/acx4-ideal")
+    assert f"--results '{results}' -- 'data/flights/acx4-ideal'" in alone
+
+
+@needs_make
+def test_clean_leaves_the_flights_of_others(copy):
+    for name in ("data/flights/mine", "data/flights/acx4", "build/results/mine", "book/_build"):
+        (copy / name).mkdir(parents=True)
+        (copy / name / "x").write_text("")
+    make(copy, "clean")
+    assert [path.name for path in (copy / "data" / "flights").iterdir()] == ["mine"]
+    assert not (copy / "build").exists()
+    assert not list((copy / "book").iterdir())

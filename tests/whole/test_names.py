@@ -19,7 +19,7 @@ from acx4files.results import folder as results
 from acx4lib.calibration import mounting
 from support import blocks
 from support.helpers import repeats
-from support.run_results import state
+from support.run_results import put, state
 
 EXCHANGED = {
     "neighbours": ("calibration/trajectory.csv", "exposure", "C1-03", "C1-04"),
@@ -90,7 +90,7 @@ def made(request, noisy_block):
 
 def test_a_calibration_comes_back_from_its_files(made, tmp_path):
     block, single = made
-    adjustments.write(tmp_path, "mounting", [adjustments.of_mounting(single)])
+    put(tmp_path, "mounting", [adjustments.of_mounting(single)])
     found = results.read(tmp_path)
     back = read_back.read_calibration(found, "mounting/single_step", block.cameras)
     assert_allclose(back.cov, single.calibration.cov, rtol=1e-9)

@@ -15,9 +15,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
+from typer.core import TyperGroup
 
 from acx4book.command import importing, pictures, planning, results, run, teaching, terminal
 from acx4book.command.gone import instead
@@ -37,7 +38,20 @@ GRAMMAR = "rfc3987_syntax"
 """Grammar of international addresses, unused by notebooks: nbformat's validator would build its
 parser at every start, which takes longer than all other imports of a run."""
 
+ORDER = ("new", "import", "check", "measure", "run", "report", "book", "export", "render")
+"""Commands on a flight in the order of their use; others follow."""
+
+
+class _InOrder(TyperGroup):
+    """The commands in the order of their use."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of the commands."""
+        return [*ORDER, *(name for name in super().list_commands(ctx) if name not in ORDER)]
+
+
 app = typer.Typer(
+    cls=_InOrder,
     add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -140,10 +154,11 @@ app.command(help=planning.SIMULATE_HELP)(planning.simulate)
 
 
 @app.command(
-    help="""Write the calibration report of a run: one HTML file, and a PDF/A.
+    help="""Write the calibration report of a run.
 
-It is made from the results folder alone. Its first page is a certificate, with what the table
-[certificate] of flight.toml states. A file .json beside it has the same values for machines.
+It is one HTML file, with --pdf a PDF/A as well, made from the results folder alone. Its first page
+is a certificate, with what the table [certificate] of flight.toml states. A file .json beside it
+has the same values for machines.
 
 \b
 Examples:

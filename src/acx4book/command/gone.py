@@ -9,6 +9,7 @@ GONE = {
     r"(compare)": "papermill notebooks/compare.ipynb OUT.ipynb -p results_a DIR -p results_b DIR",
     r"plan .*(--target)": "leave strips out of a copy of the plan, and acx4 plan it again",
     r"import (bundler|visualsfm)": "write COLMAP's or Metashape's form, and import that",
+    r"import (pospac-text)": "acx4 import orientations TEXT --columns pospac",
     r"export .*--to[ =](opensfm|micmac|opf)": "acx4 export --to colmap, metashape or opencv",
     r"export .*--to[ =](pix4d)": "acx4 export --to opencv, and --to opk for orientations",
 }

@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Literal
 
 import typer
 
 from acx4book.command import terminal
-from acx4book.command.run import Where
-from acx4book.command.terminal import (
-    Flight,
-    counting_bar,
-    refuse,
-    say,
-    say_if_not_kept,
-    show,
-    stage_bars,
-)
 
 # --- The command ``acx4 measure``
 
@@ -41,15 +32,9 @@ Examples:
 """
 
 
-def measure(  # noqa: PLR0913, PLR0917 every option is an argument
-    flight: Flight,
+def measure(
+    flight: terminal.Flight,
     out: Annotated[Path, terminal.option("MEASURED", "Folder for the flight.")],
-    points: Annotated[
-        int | None,
-        terminal.option(
-            "N", "Corners of a picture, about: 200, and 700 where features orient them.", min=20
-        ),
-    ] = None,
     reduce: Annotated[
         int, typer.Option(metavar="K", min=1, help="Measure at 1/K of the size: poor pictures.")
     ] = 1,
@@ -62,37 +47,35 @@ def measure(  # noqa: PLR0913, PLR0917 every option is an argument
     jobs: Annotated[
         int, typer.Option(metavar="N", min=1, help="Pairs at a time, a process each.")
     ] = 1,
-    cluster: Annotated[
-        str | None, terminal.option("ADDRESS", "Dask scheduler to match on.")
-    ] = None,
 ) -> None:
     """Measure the pictures of a flight."""
+    from acx4book.command import runs  # noqa: PLC0415 quick help
     from acx4files.measuring.levels import MeasureOptions  # noqa: PLC0415 quick help
     from acx4files.measuring.measure import measure_flight, write_pictures  # noqa: PLC0415 quick help
     from acx4files.results import own_folder  # noqa: PLC0415 quick help
 
     if flight.resolve() == out.resolve():
-        refuse(f"{out}: is the flight itself; choose another folder for the measured one")
+        terminal.refuse(f"{out}: is the flight itself; choose another folder for the measured one")
     if show_in is not None:
         own_folder.check_new(show_in)
-    options = MeasureOptions(points=points, reduce=reduce, ground_m=ground)
-    where = Where(jobs=jobs, cluster=cluster)
-    with stage_bars("pairs") as tell, where.maybe_executor() as executor:
+    options = MeasureOptions(reduce=reduce, ground_m=ground)
+    pool = nullcontext() if jobs == 1 else runs.executor(jobs, None)
+    with terminal.stage_bars("pairs") as tell, pool as executor:
         outcomes = measure_flight(flight, out, options=options, executor=executor, tell=tell)
     if show_in is not None:
-        with own_folder.placed(show_in, command="acx4 measure --show") as draft:
+        with own_folder.placed(show_in) as draft:
             write_pictures(outcomes, draft)
-    say_if_not_kept()
+    terminal.say_if_not_kept()
     for outcome in outcomes:
         for sentence in outcome.sentences:
-            show(sentence)
-    show(out)
+            terminal.show(sentence)
+    terminal.show(out)
 
 
 # --- The command ``acx4 render``
 
 
-RENDER_HELP = """Render the synthetic images of a flight from the images of its heads.
+RENDER_HELP = """Render synthetic images of a flight from its heads' images.
 
 The folder gets a tiled BigTIFF with overviews and a small JPEG for every exposure whose heads all
 have files, and images.csv, by which they are a block of a flight. Images that are there
@@ -102,87 +85,42 @@ are on standard error, the others are finished, and the status is 2.
 \b
 Examples:
   acx4 render my_flight --results my_results --out my_images
-  acx4 render my_flight --results my_results --out my_images --exposures A1,A2 --compression zstd
-  acx4 render my_flight --results my_results --out my_images --cluster tcp://host:8786
+  acx4 render my_flight --results my_results --out my_images --exposures A1,A2
+  acx4 render my_flight --results my_results --out my_stacks --blend stack
 """
 
 
-def render(  # noqa: PLR0913, PLR0917 every option is an argument
-    flight: Flight,
+def render(
+    flight: terminal.Flight,
     results: Annotated[Path, terminal.option("DIR", "Folder of a run.")],
     out: Annotated[Path, terminal.option("FOLDER", "Folder for the images.")],
     exposures: Annotated[
         str | None, terminal.option("A,B", "Only these, or block/A; else all.")
     ] = None,
     blend: Annotated[
-        str,
-        typer.Option(
-            metavar="feather|seam|stack", help="Between heads, or each head a band of its own."
-        ),
+        Literal["feather", "seam", "stack"],
+        typer.Option(help="Between heads, or each head a band of its own."),
     ] = "feather",
-    feather: Annotated[
-        float, typer.Option(metavar="PX", min=1.0, help="Width of the blend, full-size pixels.")
-    ] = 150.0,
-    interpolation: Annotated[
-        str, typer.Option(metavar="bilinear|cubic", help="Between pixels.")
-    ] = "bilinear",
-    equalise: Annotated[
-        str,
-        typer.Option(
-            metavar="flight|image|none", help="Response of the heads from overlaps: once, or each."
-        ),
-    ] = "flight",
-    refine: Annotated[
-        str, typer.Option(metavar="flight|image", help="Heads as in DIR, or by each image's ties.")
-    ] = "flight",
-    compression: Annotated[
-        str, typer.Option(metavar="none|deflate|zstd|lzw", help="Of the TIFF, without loss.")
-    ] = "none",
-    jobs: Annotated[
-        int, typer.Option(metavar="N", min=1, help="Images at a time, a process each.")
-    ] = 1,
-    cluster: Annotated[
-        str | None, terminal.option("ADDRESS", "Dask scheduler to render on.")
-    ] = None,
 ) -> None:
     """Render the synthetic images of a flight."""
     from acx4files.flight.reader import read  # noqa: PLC0415 quick help
     from acx4files.images.exposure import RenderOptions  # noqa: PLC0415 quick help
     from acx4files.images.flight_images import render_flight  # noqa: PLC0415 quick help
 
-    chosen: dict[str, Any] = {
-        "blend": blend,
-        "feather_px": feather,
-        "interpolation": interpolation,
-        "equalise": "none" if blend == "stack" else equalise,
-        "refine": refine,
-        "compression": compression,
-    }
-    try:
-        options = RenderOptions(**chosen)
-    except ValueError as error:
-        refuse(f"--{error}")
+    options = RenderOptions(blend=blend, equalise="none" if blend == "stack" else "flight")
     named = None if exposures is None else [n.strip() for n in exposures.split(",") if n.strip()]
     if named == []:
-        refuse("--exposures: name at least one exposure")
-    where = Where(jobs=jobs, cluster=cluster)
-    with counting_bar("images") as tell, where.maybe_executor() as executor:
+        terminal.refuse("--exposures: name at least one exposure")
+    with terminal.counting_bar("images") as tell:
         report = render_flight(
-            read(flight),
-            results,
-            out,
-            exposures=named,
-            options=options,
-            executor=executor,
-            threads=where.threads,
-            tell=tell,
+            read(flight), results, out, exposures=named, options=options, tell=tell
         )
-    say_if_not_kept()
+    terminal.say_if_not_kept()
     for line in report.notes:
-        show(line)
+        terminal.show(line)
     kept = f", {len(report.kept)} there already" if report.kept else ""
     images = "1 image" if len(report.rendered) == 1 else f"{len(report.rendered)} images"
-    show(f"{images} rendered{kept}, in {out}")
+    terminal.show(f"{images} rendered{kept}, in {out}")
     if report.problems:
-        say(*report.problems)
+        terminal.say(*report.problems)
         raise typer.Exit(2)

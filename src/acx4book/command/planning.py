@@ -94,10 +94,8 @@ def _write(design: Design, source: str, out: Path) -> None:
     drawing = vector(block_maps(*design.blocks.values()))
     content["plan.svg"] = drawing.replace("<svg ", '<svg style="background: #fff" ', 1) + "\n"
     content["plan.toml"] = source
-    with own_folder.claim(out, command="acx4 plan") as folder:
-        folder.expect(content)
+    with own_folder.claim(out, signs=["plan.svg"]):
         whole_files.write_all({out / name: written for name, written in content.items()})
-        folder.seal()
     terminal.show(f"\n{out}: {', '.join(content)}")
 
 
@@ -146,19 +144,10 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
     gross_errors: Annotated[
         bool, typer.Option("--gross-errors", help="Mistakes in the calibration block.")
     ] = False,
-    refraction: Annotated[
-        bool, typer.Option("--refraction", help="Rays bent by the standard atmosphere.")
-    ] = False,
     images: Annotated[str, terminal.option("A,B", "Exposures that get pictures.")] = "",
     reduce: Annotated[
         int, typer.Option(metavar="K", min=1, help="Pictures at 1/K of the size.")
     ] = 1,
-    ground: Annotated[
-        Path | None,
-        terminal.option(
-            "PHOTO", "A picture to lie on the ground, a pixel every 12.5 cm; else a landscape."
-        ),
-    ] = None,
 ) -> None:
     """Write a simulated flight, or the plan of one."""
     from acx4files.results import own_folder  # noqa: PLC0415 quick help
@@ -183,21 +172,20 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
     options = Options(
         slow_errors=SlowErrors() if slow_errors else None,
         gross_errors=GrossErrors() if gross_errors else None,
-        refraction="standard" if refraction else "none",
     )
     exposures = [exposure.strip() for exposure in images.split(",") if exposure.strip()]
-    if not exposures and (reduce > 1 or ground is not None):
-        terminal.refuse("--reduce and --ground are for pictures; name exposures with --images")
+    if not exposures and reduce > 1:
+        terminal.refuse("--reduce is for pictures; name exposures with --images")
     flight = _flown(name, seed, options)
     if exposures:
         try:
-            flight = photograph(flight, exposures, reduce=reduce, photo=ground)
+            flight = photograph(flight, exposures, reduce=reduce)
         except ValueError as error:
             terminal.refuse(str(error))
     processors.keep_memory()
     with (
         terminal.stage_bars("rows") as tell,
-        own_folder.placed(out, command="acx4 simulate") as draft,
+        own_folder.placed(out) as draft,
     ):
         write(flight, draft, tell=tell)
     terminal.show(f"{out}; its truth in {truth}")
@@ -232,11 +220,12 @@ def _write_plan(name: str, path: Path) -> None:
 
 
 NEW_HELP = """\
-Write a new flight to be filled in: a flight.toml with remarks, tables with their headers.
+Write a new flight to be filled in.
 
-On a terminal it asks three questions, unless the options answer them. `acx4 import` adds to the
-folder: its tables take the place of the empty ones, its settings are put into flight.toml. `acx4
-check` names what is still to be filled in.
+It has a flight.toml with remarks, and tables with their headers. On a terminal it asks three
+questions, unless the options answer them. `acx4 import` adds to the folder: its tables take the
+place of the empty ones, its settings are put into flight.toml. `acx4 check` names what is still to
+be filled in.
 
 \b
 Examples:
@@ -259,7 +248,7 @@ def new(
     folder: Annotated[Path, terminal.argument("FLIGHT", "New folder for the flight.")],
     *,
     cameras: Annotated[str, terminal.option("A,B", "One camera, or the heads of a rig.")] = "",
-    crs: importing.Crs = "",
+    crs: Annotated[str, terminal.option("EPSG:N", "Projected CRS of the flight, in metres.")] = "",
     heights: Annotated[
         str,
         terminal.option(

@@ -20,11 +20,12 @@ if TYPE_CHECKING:
 
 
 BOOK_HELP = """\
-Write the book of a flight: its chapters, certificate and report, as pages to hand on.
+Write the book of a flight, as pages to hand on.
 
-FLIGHT is a folder with flight.toml, which is run first, or the results of acx4 run with its
-notebooks. The folder gets index.html and all that its pages need; they ask no other host for
-anything. A chapter whose block the flight does not have is not there.
+It has the flight's chapters, its certificate and the report. FLIGHT is a folder with flight.toml,
+which is run first, or the results of acx4 run with its notebooks. The folder gets index.html and
+all that its pages need; they ask no other host for anything. A chapter whose block the flight does
+not have is not there.
 
 \b
 Examples:

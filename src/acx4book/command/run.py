@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,8 +11,6 @@ import typer
 from acx4book.command import terminal
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     from acx4book.command.runs import Job, Outcome, Settings
 
 HELP = """Run the stages on a flight and keep their results.
@@ -101,8 +97,8 @@ def run(  # noqa: PLR0913, PLR0917 every option is an argument
         terminal.need_book("run")
     settings = _settings(stages, notebooks, calibration, numbers_only=numbers_only)
     if are_many:
-        where = Where(jobs=jobs or 1, cluster=cluster)
-        _run_many(flights, results, seeds=seeds, where=where, settings=settings)
+        named = _jobs(flights, results, seeds, settings)
+        _run_many(named, results, jobs or 1, cluster)
     else:
         _run_one(flights[0], results, settings)
 
@@ -169,64 +165,20 @@ _SHOWN = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Where:
-    """Where flights are run, images rendered, or pairs of pictures matched.
-
-    Attributes
-    ----------
-    jobs : int
-        Number of processes of this computer.
-    cluster : str or None
-        Address of a Dask scheduler; its workers are used instead.
-    """
-
-    jobs: int = 1
-    cluster: str | None = None
-
-    def executor(self) -> AbstractContextManager[Executor]:
-        """Return an executor for them, as a context."""
-        from acx4book.command import runs  # noqa: PLC0415 quick help
-
-        return runs.executor(self.jobs, self.cluster)
-
-    def maybe_executor(self) -> AbstractContextManager[Executor | None]:
-        """Return an executor, or None if this process is enough, as a context."""
-        return nullcontext() if self._is_here else self.executor()
-
-    @property
-    def threads(self) -> int | None:
-        """Number of threads of each call; None for all processors."""
-        from acx4lib.least_squares.processors import cores  # noqa: PLC0415 quick help
-
-        if self._is_here:
-            return None
-        return 1 if self.cluster is not None else max(cores() // self.jobs, 1)
-
-    @property
-    def _is_here(self) -> bool:
-        return self.jobs == 1 and self.cluster is None
-
-
-def _run_many(
-    flights: Sequence[Path], results: Path, *, seeds: str | None, where: Where, settings: Settings
-) -> None:
-    """Run many flights, or many seeds of designs and plans, and show a line for each."""
+def _run_many(named: Sequence[Job], results: Path, jobs: int, cluster: str | None) -> None:
+    """Run many flights, and show a line for each."""
     from acx4book.command import runs  # noqa: PLC0415 quick help
-    from acx4book.command.runs import TABLE  # noqa: PLC0415 quick help
 
-    jobs = _jobs(flights, results, seeds, settings)
-    with where.executor() as executor, terminal.counting_bar("flights") as tell:
-        outcomes = runs.run_all(jobs, results, executor, tell)
+    with runs.executor(jobs, cluster) as executor, terminal.counting_bar("flights") as tell:
+        outcomes = runs.run_all(named, results, executor, tell)
     for line in terminal.aligned(
         [HEADER, *(_shown(name, outcome) for name, outcome in outcomes.items())]
     ):
         terminal.show(line)
     failed = {name: outcome for name, outcome in outcomes.items() if outcome.status}
     n_kept = sum(outcome.kept for outcome in outcomes.values())
-    terminal.show(
-        f"{len(outcomes)} flights: {n_kept} there already, {len(failed)} failed; {results / TABLE}"
-    )
+    counted = f"{len(outcomes)} flights: {n_kept} there already, {len(failed)} failed"
+    terminal.show(f"{counted}; {results / runs.TABLE}")
     terminal.say(*(f"{name}: {outcome.reason}" for name, outcome in failed.items()))
     if failed:
         raise typer.Exit(max(outcome.status for outcome in failed.values()))

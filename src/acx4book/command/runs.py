@@ -174,9 +174,9 @@ def _begin() -> None:
 def is_whole(flight: Flight, results: Path, settings: Settings) -> bool:
     """Tell by digests whether results are as a run of this flight and software left them."""
     try:
-        if own_folder.changes(results):
+        if not folder.is_whole(results):
             return False
-        record, given = provenance.read(results), settings.calibration
+        record, given = provenance.read_run(results).provenance, settings.calibration
         calibration = earlier.read(given, flight).origin if given else None
     except Acx4Error:  # a run reports or mends the error
         return False
@@ -230,7 +230,7 @@ def _simulate(job: Job) -> None:
     plan = text_of(Path(job.design)) if simulated.is_plan(job.design) else ""
     beside = f"{job.flight.name}.plan.toml"
     if not job.flight.exists():
-        with own_folder.placed(job.flight, command="acx4 simulate") as draft:
+        with own_folder.placed(job.flight) as draft:
             write(simulated.fly(job.design, seed=job.seed), draft)
             if plan:
                 whole_files.write(draft.with_name(beside), plan)
@@ -241,8 +241,6 @@ def _simulate(job: Job) -> None:
 
 def _row(results: Path) -> dict[str, str]:
     """Return what the results say of the flight now kept there, by `COLUMNS`, as text."""
-    if not (results / provenance.FILE).is_file():
-        return {}
     record, summary, row = provenance.read(results), folder.entries(results), dict[str, str]()
     stages = [name for name, run in record.stages.items() if run["flight"] == record.digest]
     if "mounting" in stages:
@@ -278,10 +276,8 @@ def run_all(
     found: dict[str, Outcome] = {}
     for job in jobs:
         tell(job.name, 0, 1)
-    with own_folder.claim(
-        folder, command="acx4 run of many flights", away_from=away_from
-    ) as claimed:
-        claimed.expect([TABLE])
+    with own_folder.claim(folder, signs=[TABLE], away_from=away_from):
+        whole_files.write(folder / TABLE, _table({}))  # by which the folder is known, if this ends
         try:
             for job, call in as_finished(pool, _run, jobs):
                 found[job.name] = _outcome(call)
@@ -289,7 +285,6 @@ def run_all(
         finally:
             found = {job.name: found[job.name] for job in jobs if job.name in found}
             whole_files.write(folder / TABLE, _table(found))
-            claimed.seal()
     return found
 
 

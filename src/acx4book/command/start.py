@@ -1,11 +1,7 @@
-"""Start of ``acx4``: an interruption while modules are loaded ends it without traceback.
-
-It imports nothing that takes time.
-"""
+"""Start of ``acx4``: it imports nothing that takes time, so that an interruption is heard."""
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 
@@ -16,29 +12,24 @@ if TYPE_CHECKING:
 INTERRUPTED = 128 + signal.SIGINT
 """Exit status of an interrupted command."""
 
-SAYS = "interrupted"
-
 COMMAND = ("click", "cv2", "imagecodecs", "rich", "tifffile", "typer")
 """Modules of the extra ``command``."""
-
-CURE = "pip install 'acx4lib[command]'"
 
 
 def main() -> NoReturn:
     """Run the command of the command line and exit."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else ignored, and stays so
-        signal.signal(signal.SIGINT, stop)
     try:
         from acx4book.command import acx4  # noqa: PLC0415 takes longest
     except ModuleNotFoundError as error:
         if error.name not in COMMAND:
             raise
-        os.write(2, f"acx4 needs {error.name}, not installed here: {CURE}\n".encode())
-        sys.exit(2)
+        cure = "pip install 'acx4lib[command]'"
+        sys.exit(_said(f"acx4 needs {error.name}, not installed here: {cure}", 2))
+    except KeyboardInterrupt:
+        sys.exit(_said("interrupted", INTERRUPTED))
     acx4.main()
 
 
-def stop(*_: object) -> NoReturn:
-    """End this process at once: nothing is begun yet, or all is done."""
-    os.write(2, f"{SAYS}\n".encode())
-    os._exit(INTERRUPTED)
+def _said(line: str, status: int) -> int:
+    sys.stderr.write(f"{line}\n")
+    return status

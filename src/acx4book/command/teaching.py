@@ -67,7 +67,7 @@ def lab(
         terminal.refuse(str(error))
     secret = flights.read_key(key)
     own_folder.check_new(folder)
-    with own_folder.placed(folder, command="acx4 lab") as draft:
+    with own_folder.placed(folder) as draft:
         write = question_banks.write if quiz else handed_in.write
         write(chosen, student, secret, draft)
     terminal.show(folder)

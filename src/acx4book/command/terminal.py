@@ -7,7 +7,6 @@ sentences where they are raised; any other error gets one line here.
 
 from __future__ import annotations
 
-import _thread
 import contextlib
 import importlib.util
 import io
@@ -15,17 +14,15 @@ import os
 import shlex
 import signal
 import sys
-import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from acx4book.command.start import INTERRUPTED, SAYS, stop
+from acx4book.command.start import INTERRUPTED
 from acx4book.typesetting.plain_text import shown
-from acx4lib import system
 from acx4lib.errors import Acx4Error, FlightError, OutputError, unsolvable
 
 if TYPE_CHECKING:
@@ -62,18 +59,22 @@ BOOK = (
 )
 """Modules of the extra ``book``."""
 
-NOBODY_READS = 128 + system.SIGPIPE
+NOBODY_READS = 128 + 13  # SIGPIPE
 """Exit status, without a message, of a command with output that nobody reads to its end."""
+
+TERMINATED = 128 + signal.SIGTERM
+ENDED: dict[object, str] = {INTERRUPTED: "interrupted", TERMINATED: "terminated"}
+"""Exit statuses of a command that was stopped from outside, and what is said."""
+
+TRACEBACK = "ACX4_TRACEBACK"
+"""Environment variable that makes an unexpected error show its traceback."""
 
 
 def say(*lines: str) -> None:
-    """Print lines on standard error, if it is open."""
-    try:
+    """Print lines on standard error."""
+    with contextlib.suppress(BrokenPipeError):
         for line in lines:
             sys.stderr.write(f"{shown(line, 'terminal')}\n")
-        sys.stderr.flush()
-    except OSError:  # its reader is gone
-        _abandon(sys.stderr)
 
 
 def say_if_not_kept() -> None:
@@ -92,11 +93,10 @@ def show(text: object) -> None:
         for line in str(text).split("\n"):
             sys.stdout.write(f"{shown(line, 'terminal')}\n")
         sys.stdout.flush()
-    except BrokenPipeError:
-        _abandon(sys.stdout)
-        sys.exit(NOBODY_READS)
     except OSError as error:
-        _abandon(sys.stdout)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes it at last
+        if isinstance(error, BrokenPipeError):
+            sys.exit(NOBODY_READS)
         raise OSError(error.errno, error.strerror, "standard output") from None
 
 
@@ -112,26 +112,10 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     ]
 
 
-def _abandon(stream: IO[str]) -> None:
-    """Discard the remaining output of a stream, so that Python ends without an error."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, stream.fileno())
-    os.close(nowhere)
-
-
 def prepare_streams() -> None:
-    """Make standard streams accept any text, and replace closed streams by the null device.
-
-    Otherwise a file that is opened later could become the standard output of a library.
-    """
-    while (free := os.open(os.devnull, os.O_RDWR)) <= 2:
-        pass
-    os.close(free)
-    for name in ("stdout", "stderr"):
-        stream = getattr(sys, name)
-        if stream is None:
-            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 stays open
-        elif isinstance(stream, io.TextIOWrapper):
+    """Make standard streams accept any text."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
 
 
@@ -212,20 +196,7 @@ def stage_bars(unit: str = "cells") -> Iterator[Tell]:
 # --- the end of a command --------------------------------------------------------------------
 
 
-TERMINATED = 128 + signal.SIGTERM
-ENDED = {INTERRUPTED: SAYS, TERMINATED: "terminated"}
-"""Exit statuses of a command stopped from outside, and their messages."""
-
-AGAIN_S = 0.02
-"""Delay before a lost interruption is repeated, s."""
-
-TRACEBACK = "ACX4_TRACEBACK"
-"""Environment variable that makes an unexpected error show its traceback."""
-
-Command = Callable[[], object]
-
-
-def status_of(command: Command, arguments: Sequence[str]) -> int:
+def status_of(command: Callable[[], object], arguments: Sequence[str]) -> int:
     """Run a command, print the reason if it fails, and return its exit status.
 
     Parameters
@@ -236,118 +207,61 @@ def status_of(command: Command, arguments: Sequence[str]) -> int:
         Arguments of the command line, for a message on an unexpected error.
     """
     try:
-        with _interruptible():
-            status = _guarded(command, arguments)
-    except KeyboardInterrupt:
-        status = INTERRUPTED
-    if status in ENDED:
-        say(ENDED[status])
-    return _flushed(status)
-
-
-@contextlib.contextmanager
-def _interruptible() -> Iterator[None]:
-    """Turn an interruption into an exception, so that a command cleans up."""
-    before, hook = signal.getsignal(signal.SIGINT), sys.unraisablehook
-    if before is stop:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-    sys.unraisablehook = _interrupt_again
-    try:
-        yield
-    finally:
-        sys.unraisablehook = hook
-        if before is stop:
-            signal.signal(signal.SIGINT, stop)
-
-
-def _interrupt_again(ignored: sys.UnraisableHookArgs) -> None:
-    """Repeat an interruption lost by Python, for example while it removes an object."""
-    if issubclass(ignored.exc_type, KeyboardInterrupt):
-        threading.Timer(AGAIN_S, _thread.interrupt_main).start()  # not while this is called
-    else:
-        sys.__unraisablehook__(ignored)
-
-
-def _guarded(command: Command, arguments: Sequence[str]) -> int:
-    """Run a command, print its error, and return its status."""
-    try:
         status = command()
+        sys.stdout.flush()
     except SystemExit as end:
         status = end.code
-    except Acx4Error as error:
-        say(*getattr(error, "__notes__", ()), *str(error).splitlines())
-        status = 2 if isinstance(error, FlightError | OutputError) else 1
-    except OSError as error:
-        say(_said_of_file(error))
-        status = 2
+    except KeyboardInterrupt:
+        status = INTERRUPTED
     except Exception as error:  # the last resort: for any error a user gets a sentence
-        status = _said_of_others(error, arguments)
+        lines, status = _said_of(error, arguments)
+        say(*lines)
+    if status in ENDED:
+        say(ENDED[status])
     return status if isinstance(status, int) else int(status is not None)
 
 
-def _said_of_others(error: Exception, arguments: Sequence[str]) -> int:
-    """Print an error of neither a flight nor a file, and return the status."""
-    if isinstance(error, ImportError):
-        say(f"the installation is not complete: {_one_line(error)}")
-        return 1
-    if isinstance(error, MemoryError | RecursionError):
-        resource = "memory" if isinstance(error, MemoryError) else "stack"
-        say(f"not enough {resource} for this input ({_one_line(error)})")
-        return 1
+FORESEEN = (
+    (MemoryError, "not enough memory for this input"),
+    (RecursionError, "not enough stack for this input"),
+    (ImportError, "the installation is not complete"),
+)
+"""Errors that any command may meet."""
+
+
+def _said_of(error: Exception, arguments: Sequence[str]) -> tuple[list[str], int]:
+    """Return what is said of an error, and the status."""
+    said = " ".join(str(error).split())
     if type(error).__name__ == "LinAlgError":  # of numpy, which most commands need not load
-        say(str(unsolvable(_one_line(error))))
-        return 1
-    return _unforeseen(error, arguments)
-
-
-def _unforeseen(error: Exception, arguments: Sequence[str]) -> int:
-    """Print the parser's message on a wrong option, or report a mistake in acx4."""
-    show: Callable[..., None] | None = getattr(error, "show", None)
-    if show is not None:  # an error of the command line shows usage, and has its own status
-        text = io.StringIO()
-        show(file=text)
-        say(*text.getvalue().splitlines())
-        return int(getattr(error, "exit_code", 2))
-    if isinstance(error, typer.Abort):
-        return INTERRUPTED
-    if os.environ.get(TRACEBACK):
-        say(*"".join(traceback.format_exception(error)).splitlines())
-    message = f"{type(error).__name__}: {_one_line(error)}"
-    typed = shlex.join(["acx4", *arguments])
-    say(
-        f"this is a mistake in acx4: {message}; please report it with the command "
-        f"{typed} and what it shows with {TRACEBACK}=1"
-    )
-    return 1
-
-
-def _said_of_file(error: OSError) -> str:
-    """Return the message on a file, with its name if known."""
-    message = error.strerror or _one_line(error)
-    if error.filename is not None:
+        error = unsolvable(said)
+    if isinstance(error, Acx4Error):
+        lines = [*getattr(error, "__notes__", ()), *str(error).splitlines()]
+        return lines, 2 if isinstance(error, FlightError | OutputError) else 1
+    if isinstance(error, OSError):
         name = error.filename
-        return f"{os.fsdecode(name) if isinstance(name, str | bytes) else name}: {message}"
-    try:
-        Path.cwd()
-    except OSError:
-        return f"the current folder is no more: {message}"
-    return message
+        place = os.fsdecode(name) + ": " if isinstance(name, str | bytes | os.PathLike) else ""
+        return [f"{place}{error.strerror or said}"], 2
+    if isinstance(error, typer.Abort) or hasattr(error, "format_message"):
+        return _of_command_line(error)
+    for kind, says in FORESEEN:
+        if isinstance(error, kind):
+            return [f"{says} ({said})"], 1
+    shown_by = [] if not os.environ.get(TRACEBACK) else traceback.format_exception(error)
+    typed = shlex.join(["acx4", *arguments])
+    last = (
+        f"this is a mistake in acx4: {type(error).__name__}: {said}; please report it with the "
+        f"command {typed} and what it shows with {TRACEBACK}=1"
+    )
+    return [*"".join(shown_by).splitlines(), last], 1
 
 
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
-
-
-def _flushed(status: int) -> int:
-    """Write the remaining output, or print the reason for a failure; return the status."""
-    try:
-        if sys.stdout is not None:
-            sys.stdout.flush()
-    except BrokenPipeError:
-        _abandon(sys.stdout)
-        return status or NOBODY_READS
-    except OSError as error:
-        _abandon(sys.stdout)
-        say(f"standard output: {error.strerror}")
-        return status or 2
-    return status
+def _of_command_line(error: Any) -> tuple[list[str], int]:
+    """Return what is said of a wrong option or argument: a line; without any, the help."""
+    if isinstance(error, typer.Abort):
+        return [], INTERRUPTED
+    message = error.format_message()
+    if type(error).__name__ == "NoArgsIsHelpError":
+        return message.splitlines(), error.exit_code
+    context = getattr(error, "ctx", None)
+    path = context.command_path if context else "acx4"
+    return [f"{' '.join(message.split()).rstrip('.')}; see {path} --help"], error.exit_code

@@ -1,14 +1,16 @@
 """Runs of a flight, stage after stage; their results are kept.
 
-A stage is run by its notebook, or by what this calls (``--numbers-only``), in a copy of the
-results; only a stage without errors changes their folder. Notebooks of stages that do not need each
-other's results run side by side. Without notebooks, nothing here needs their requirements.
+A stage is run by its notebook, or by what this calls (``--numbers-only``); it writes its results
+at its end, all of them or none. Notebooks of stages that do not need each other's results run side
+by side. Without notebooks, nothing here needs their requirements.
 """
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Collection, Container, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from importlib import resources
@@ -19,9 +21,8 @@ from threadpoolctl import threadpool_limits
 from acx4files.flight import reader
 from acx4files.flight.reader import Flight
 from acx4files.results import folder as results
-from acx4files.results import own_folder, provenance
-from acx4files.results.own_folder import OwnFolder
-from acx4files.results.provenance import COMMAND, EXECUTED, FAILED
+from acx4files.results import own_folder, provenance, whole_files
+from acx4files.results.provenance import EXECUTED, FAILED, KEPT
 from acx4files.results.table_files import NOTEBOOKS, PART_OF
 from acx4files.stages import heads, mounting, order, rig, validation
 from acx4lib.errors import Acx4Error, AdjustmentError
@@ -35,8 +36,8 @@ AT_A_TIME = 2
 Tell = Callable[[str, int, int], None]
 """Function called with the stage, the number of its finished parts, and of all its parts."""
 
-Step = Callable[[Path, Callable[[int, int], None]], None]
-"""Function that runs a stage in a copy of the results, in a given folder, with its progress."""
+Step = Callable[[Callable[[int, int], None]], None]
+"""Function that runs a stage, with its progress."""
 
 NOTED = ("exchanged", "sigma_beyond", "not_confirmed", "weak", "approximations", "notes")
 """Entries of summary.json whose sentences a run shows without failing."""
@@ -125,21 +126,18 @@ def run(
     skipped = {stage: reason for stage in wanted if (reason := order.missing(flight, stage))}
     ran = order.ordered(flight, [stage for stage in wanted if stage not in skipped])
     earlier_results = _earlier(calibration, flight) if str(calibration) else None
+    provenance.begin(folder, flight, stages, skipped=skipped, calibration=earlier_results)
     steps = (
-        _computed(flight, ran, str(calibration))
+        _computed(flight, folder, ran, str(calibration))
         if notebooks is None
         else _executed(notebooks, flight, folder, ("flight", *ran), str(calibration))
     )
-    with own_folder.claim(folder, command=COMMAND, away_from=[flight.path]) as claimed:
-        provenance.check_calibration(claimed.path, stages, earlier_results)
-        provenance.prepare(claimed, flight, stages, skipped=skipped)
-        claimed.remove(
-            name for stage in {"flight"} - steps.keys() for name in provenance.beside(stage)
-        )
-        ends = {stage for stage in steps if order.is_end(flight, stage)}
-        at_a_time = 1 if notebooks is None else AT_A_TIME
-        after = _needs(flight, steps)
-        done, failed = _run_steps(steps, ends, claimed, tell, earlier_results, after, at_a_time)
+    for stage in {"flight", *wanted} - {*(steps if notebooks else ())}:
+        for kind in (EXECUTED, FAILED):
+            (folder / kind / f"{NOTEBOOKS[stage]}.ipynb").unlink(missing_ok=True)
+    ends = {stage for stage in steps if order.is_end(flight, stage)}
+    at_a_time = 1 if notebooks is None else AT_A_TIME
+    done, failed = _run_steps(steps, ends, folder, tell, _needs(flight, steps), at_a_time)
     return RunOutcome(
         ran=ran,
         skipped=tuple(
@@ -164,9 +162,8 @@ def _earlier(calibration: str | Path, flight: Flight) -> Mapping[str, object]:
 def _run_steps(
     steps: Mapping[str, Step],
     ends: Container[str],
-    claimed: OwnFolder,
+    folder: Path,
     tell: Tell,
-    earlier_results: Mapping[str, object] | None,
     after: Mapping[str, Collection[str]],
     at_a_time: int,
 ) -> tuple[list[str], list[str]]:
@@ -176,8 +173,7 @@ def _run_steps(
 
     def run_step(stage: str) -> None:
         try:
-            with provenance.replaced(claimed, stage, calibration=earlier_results) as staging:
-                steps[stage](staging, partial(tell, stage))
+            steps[stage](partial(tell, stage))
             done.append(PART_OF.get(stage, stage))
         except AdjustmentError as error:
             if stage not in ends:
@@ -191,7 +187,7 @@ def _run_steps(
         else:
             side_by_side({stage: partial(run_step, stage) for stage in steps}, after, at_a_time)
     except Acx4Error as error:
-        for line in wrong(claimed.path, done):
+        for line in wrong(folder, done):
             error.add_note(line)
         raise
     return done, failed
@@ -291,35 +287,37 @@ def _executed(
             msg = f"{path}: no such notebook"
             raise FileNotFoundError(msg)
     parameters = {
-        "flight_path": str(folder / provenance.KEPT),
+        "flight_path": str(folder / KEPT),
         "pictures_path": str(flight.path),
         "calibration_path": calibration,
+        "results_path": str(folder),
     }
-    return {stage: partial(_execute, path, parameters) for stage, path in paths.items()}
+    return {stage: partial(_execute, path, parameters, folder) for stage, path in paths.items()}
 
 
 def _execute(
     notebook: Path,
     parameters: Mapping[str, str],
-    staging: Path,
+    folder: Path,
     on_cell: Callable[[int, int], None],
 ) -> None:
-    """Execute a notebook in a copy of the results; a failed one is kept in the folder `FAILED`."""
+    """Execute a notebook; a failed one is kept in the folder `FAILED`."""
     from acx4book.notebooks import execute  # noqa: PLC0415 needs the extra book
 
-    executed = staging / EXECUTED / notebook.name
-    try:
-        execute.execute(
-            notebook,
-            executed,
-            parameters={**parameters, "results_path": str(staging)},
-            on_cell=on_cell,
-            hidden=staging.name,
-        )
-    except Acx4Error:
-        if executed.is_file():
-            executed.parent.rename(staging / FAILED)
-        raise
+    with tempfile.TemporaryDirectory(prefix="acx4-") as temporary:
+        executed = Path(temporary) / notebook.name
+        failed, succeeded = (folder / kind / notebook.name for kind in (FAILED, EXECUTED))
+        place = failed
+        try:
+            execute.execute(notebook, executed, parameters=parameters, on_cell=on_cell)
+            place = succeeded
+        finally:
+            if executed.is_file():
+                place.parent.mkdir(exist_ok=True)
+                whole_files.copy(executed, place)
+        failed.unlink(missing_ok=True)
+        with suppress(OSError):  # it holds others
+            failed.parent.rmdir()
 
 
 def _synthetic(flight: Flight, staging: Path) -> object:
@@ -338,21 +336,23 @@ RUNS: Mapping[str, Callable[[Flight, Path], object]] = {
 """Functions that compute and write the results of every stage."""
 
 
-def _computed(flight: Flight, stages: Sequence[str], calibration: str) -> dict[str, Step]:
+def _computed(
+    flight: Flight, folder: Path, stages: Sequence[str], calibration: str
+) -> dict[str, Step]:
     """Return the step of each stage that calls its function."""
     validate = partial(validation.run, calibration_path=calibration)
     runs: dict[str, Callable[[Flight, Path], object]] = {**RUNS, "validation": validate}
-    return {stage: partial(_compute, runs[stage], flight) for stage in stages}
+    return {stage: partial(_compute, runs[stage], flight, folder) for stage in stages}
 
 
 def _compute(
     run: Callable[[Flight, Path], object],
     flight: Flight,
-    staging: Path,
+    folder: Path,
     tell: Callable[[int, int], None],
 ) -> None:
     """Run a stage with linear algebra on one thread, as in a notebook, so that bytes are equal."""
     tell(0, 1)
     with threadpool_limits(1, user_api="blas"):
-        run(flight, staging)
+        run(flight, folder)
     tell(1, 1)

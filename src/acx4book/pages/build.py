@@ -38,9 +38,9 @@ from acx4book.report.material import Material
 from acx4book.teaching import solutions
 from acx4book.typesetting.myst import myst_table, numbered
 from acx4book.typesetting.svg import vector
-from acx4files.flight.reader import Flight, read_kept
-from acx4files.results import agreement, own_folder, whole_files
+from acx4files.flight.reader import Flight
 from acx4files.results import folder as results
+from acx4files.results import provenance, whole_files
 from acx4files.results.provenance import KEPT
 from acx4files.results.table_files import NOTEBOOKS
 from acx4sim.files import truth_path
@@ -126,7 +126,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         If results were changed since their run, or a notebook fails.
     """
     for path in (results_path, *([] if ideal_path is None else [ideal_path])):
-        own_folder.verify(path, cure="run acx4 run again")
+        provenance.read_run(path)
     executed, generated = book / "_executed", book / "_generated"
     for folder in (executed, generated):
         folder.mkdir(exist_ok=True)
@@ -418,8 +418,8 @@ def _texts_of_front(
 
 
 def _run(results_path: Path) -> tuple[results.Results, Flight]:
-    flight = read_kept(results_path / KEPT)
-    return agreement.read(results_path, flight), flight
+    run = provenance.read_run(results_path)
+    return run.found, run.flight
 
 
 def _texts_of_benchmarks(errors: sigma.Errors) -> Iterator[tuple[str, str]]:

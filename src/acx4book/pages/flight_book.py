@@ -31,14 +31,12 @@ from acx4book.typesetting.myst import myst_table
 from acx4book.typesetting.plain_text import code, shown
 from acx4book.typesetting.tables import markdown
 from acx4files.results import own_folder, whole_files
-from acx4files.results.own_folder import OwnFolder
 from acx4files.results.provenance import KEPT
 from acx4files.results.table_files import NOTEBOOKS
-from acx4files.results.whole_files import SCRATCH
 from acx4lib.errors import Acx4Error, visible
 
-COMMAND = "acx4 book"
-"""The command named in the mark of a book."""
+SIGNS = ("searchindex.js",)
+"""Files by which an earlier book is known."""
 
 SOURCES = Path(str(resources.files("acx4book.pages") / "sources"))
 """Folder of the pages of the study's book, some of which a flight's book takes."""
@@ -114,10 +112,9 @@ def write(
     BookError
         Where Sphinx fails.
     """
-    own_folder.verify(results_path, cure="run acx4 run again")
     with (
         tempfile.TemporaryDirectory(prefix="acx4-book-") as temporary,
-        own_folder.claim(site, command=COMMAND) as folder,
+        own_folder.claim(site, signs=SIGNS),
     ):
         source = Path(temporary) / "book"
         name = _gather(results_path, source, tell)
@@ -126,7 +123,7 @@ def write(
         page.write(results_path, html / "report.html")
         shutil.copyfile(source / "_toc.yml", html / "_toc.yml")  # by which it can be printed
         tell("pages", 1, 1)
-        _place(html, folder)
+        _place(html, site)
 
 
 def write_chapter(name: str, results_path: Path, site: Path) -> None:
@@ -151,7 +148,7 @@ def write_chapter(name: str, results_path: Path, site: Path) -> None:
         raise BookError(f"{name}: no such notebook; one is {next(iter(CHAPTERS))}")
     with (
         tempfile.TemporaryDirectory(prefix="acx4-book-") as temporary,
-        own_folder.claim(site, command=COMMAND) as folder,
+        own_folder.claim(site, signs=SIGNS),
     ):
         source = Path(temporary) / "book"
         executed = _begun(source)
@@ -163,7 +160,7 @@ def write_chapter(name: str, results_path: Path, site: Path) -> None:
             (executed / name).parent.mkdir(exist_ok=True)
             build.run_here(name, executed, places if results_path.is_dir() else {})
         _write_settings(source, "acx4lib", [name], {"index.md": f"# {name}\n"}, set())
-        _place(_built(source, Path(temporary), strict=False, log=sys.stderr), folder)
+        _place(_built(source, Path(temporary), strict=False, log=sys.stderr), site)
 
 
 def _escape(html: Path, name: str) -> None:
@@ -173,20 +170,15 @@ def _escape(html: Path, name: str) -> None:
             whole_files.write(path, path.read_text("utf-8").replace(name, safe))
 
 
-def _place(html: Path, folder: OwnFolder) -> None:
-    """Move the pages into their folder; an earlier book is removed once all are copied."""
-    names = sorted(p.relative_to(html).as_posix() for p in html.rglob("*") if p.is_file())
-    with tempfile.TemporaryDirectory(dir=folder.path, prefix=SCRATCH) as temporary:
-        whole = Path(temporary) / "html"
-        for name in names:
-            (whole / name).parent.mkdir(parents=True, exist_ok=True)
-            whole_files.copy(html / name, whole / name)
-        folder.remove(list(folder.files))
-        folder.expect(names)
-        for name in names:
-            (folder.path / name).parent.mkdir(parents=True, exist_ok=True)
-            (whole / name).replace(folder.path / name)
-    folder.seal()
+def _place(html: Path, folder: Path) -> None:
+    """Copy the pages into their folder, where they replace those of an earlier book."""
+    with whole_files.together() as new:
+        for path in sorted(html.rglob("*")):
+            place = folder / path.relative_to(html)
+            if path.is_dir():
+                place.mkdir(parents=True, exist_ok=True)
+            else:
+                new.write(place, path.read_bytes())
 
 
 def _gather(results_path: Path, source: Path, tell: Tell) -> str:

@@ -23,7 +23,7 @@ from acx4book.typesetting import style
 from acx4book.typesetting.myst import LABELS, TITLES, marked, say, sections
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4files.flight.reader import Flight, read_kept
-from acx4files.results import agreement, folder
+from acx4files.results import folder
 from acx4files.results.adjustments import mounted_block
 from acx4files.results.provenance import KEPT
 from acx4files.stages import mounting
@@ -173,7 +173,7 @@ def read_run(results_path: str | Path) -> Run:
     if not kept.is_dir():
         return Run(correlations=_largest_correlations(folder.read(results_path)))
     flight = read_kept(kept)
-    stored = agreement.read(results_path, flight)
+    stored = folder.read(results_path)
     if not paper.applies(flight):
         return Run(correlations=_largest_correlations(stored))
     return Run(

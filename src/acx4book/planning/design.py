@@ -95,7 +95,6 @@ def of(plan: Plan, *, winds: int = 0) -> Design:
     AdjustmentError
         Where a block has fewer observations than unknowns.
     """
-    expected.instance("plan", plan, Plan)
     expected.whole("winds", winds, least=0)
     blocks = {name: flown.block(plan, name) for name in plan.blocks}
     mountings, validations, even = _in_one_wind(plan, blocks)

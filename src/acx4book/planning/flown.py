@@ -73,7 +73,6 @@ def block(plan: Plan, name: str, *, wind: int = 0, tie_places: Array | None = No
 
 def over(plan: Plan, name: str, *, wind: int = 0) -> Over:
     """Return a planned block in the air."""
-    expected.instance("plan", plan, Plan)
     expected.one_of("name", name, plan.blocks)
     grid = plan.setup.grid
     trajectory = _trajectory(plan, name, exposures(plan.blocks[name], wind=wind))

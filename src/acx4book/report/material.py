@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from acx4files.results import folder as results
-from acx4files.results.provenance import FILE, KEPT, Run, read_run
+from acx4files.results.provenance import KEPT, Run, read_run
 from acx4lib.block import Block
 from acx4lib.calibration.estimates import METHODS, RIGS
 from acx4lib.errors import FlightError
@@ -87,9 +87,7 @@ def read(folder: str | Path) -> Material:
     """
     folder = results.of_run(folder)
     missing = [
-        name
-        for name in (*results.EARLIEST, FILE, f"{KEPT}/flight.toml")
-        if not (folder / name).is_file()
+        name for name in (*results.FILES, f"{KEPT}/flight.toml") if not (folder / name).is_file()
     ]
     if missing:
         problem = f"{folder}: not complete, without {', '.join(missing)}; run all stages again"

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import csv
 import datetime as dt
+import filecmp
+import hashlib
 import io
 import json
 import re
@@ -27,9 +29,6 @@ from acx4files.opening import text_of
 from acx4files.results import own_folder, whole_files
 from acx4lib.errors import FlightError, OutputError
 from acx4lib.geometry.geodesy import LOCAL
-
-COMMAND = "acx4 import"
-"""The command whose name marks the folders."""
 
 SETTINGS, STATEMENT = "flight.toml", "import.md"
 
@@ -68,26 +67,28 @@ def write(imported: ImportedFlight, folder: Path) -> tuple[str, ...]:
         Where measurements lie outside the pictures.
     """
     _require_inside(imported)
-    with own_folder.claim(folder, command=COMMAND, becomes_flight=True) as claimed:
-        edited = _is_edited(claimed)
+    with own_folder.claim(folder, signs=[STATEMENT], becomes_flight=True):
+        edited = (folder / SETTINGS).exists() and bool(_changes(folder, [SETTINGS]))
         texts = {name: _table_text(table) for name, table in imported.tables.items()}
-        texts[STATEMENT] = _read(folder / STATEMENT) + statement(imported, edited=edited)
         if imported.settings and not edited:
             texts[SETTINGS] = _settings(folder, imported.settings)
+        said = statement(imported, edited=edited) + _written(texts)
+        texts[STATEMENT] = _read(folder / STATEMENT) + said
         pictures = {
             name: picture
             for name, picture in imported.pictures.items()
             if picture.absolute() != (folder / name).absolute()
         }
-        names = [*texts, *pictures]
-        if changed := own_folder.changes(folder, names):
+        changed = _changes(folder, [name for name in texts if name != STATEMENT])
+        changed += [
+            f"{folder / name}: is another picture than {picture}"
+            for name, picture in pictures.items()
+            if (folder / name).exists() and not filecmp.cmp(picture, folder / name)
+        ]
+        if changed:
             raise OutputError(f"{changed[0]}; move it away, or choose another folder")
-        if edited:
-            claimed.files.pop(SETTINGS, None)
         remarks = _replaced(folder, {name: texts[name] for name in imported.tables})
-        claimed.expect(names)
         _place(folder, texts, pictures)
-        claimed.seal()
     if edited and imported.settings:
         kept = f"{SETTINGS} was edited and stays as it is; what the source says is in {STATEMENT}"
         return (kept, *remarks)
@@ -159,13 +160,8 @@ def begin(
     OutputError
         Where the folder holds anything.
     """
-    with own_folder.claim(folder, command=COMMAND, becomes_flight=True) as claimed:
-        if claimed.files:
-            msg = f"{folder}: an import began this flight already; choose another folder"
-            raise OutputError(msg)
-        claimed.expect([*texts, *files])
-        _place(folder, texts, files)
-        claimed.seal()
+    with own_folder.claim(folder, signs=[], becomes_flight=True):
+        _place(folder, {**texts, STATEMENT: _written(texts)}, files)
 
 
 def _table_text(table: Columns) -> str:
@@ -215,11 +211,28 @@ def _lens_table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
         yield f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |"
 
 
-def _is_edited(claimed: own_folder.OwnFolder) -> bool:
-    """Tell whether the settings in the folder are the user's."""
-    if not (claimed.path / SETTINGS).is_file():
-        return False
-    return SETTINGS not in claimed.files or bool(own_folder.changes(claimed.path, [SETTINGS]))
+WRITTEN = re.compile(r"^- (.+), written with SHA-256 ([0-9a-f]{64})$", re.MULTILINE)
+"""Line of import.md on a file, by which a later import sees whether it was changed since."""
+
+
+def _written(texts: Mapping[str, str]) -> str:
+    """Return the part of import.md on the files that are written."""
+    lines = [f"- {n}, written with SHA-256 {_sha256(text.encode())}" for n, text in texts.items()]
+    return "\n".join(["## Written", "", *lines, ""]) + "\n"
+
+
+def _changes(folder: Path, names: Sequence[str]) -> list[str]:
+    """Return a line for each existing file that is not as an import left it."""
+    digests = dict(WRITTEN.findall(_read(folder / STATEMENT)))
+    return [
+        f"{folder / name}: was {'changed since' if name in digests else 'not written by'} an import"
+        for name in names
+        if (folder / name).exists() and digests.get(name) != _sha256((folder / name).read_bytes())
+    ]
+
+
+def _sha256(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 def _settings(folder: Path, imported: Mapping[str, Any]) -> str:

@@ -103,11 +103,9 @@ class Pinhole:
     skew: float = 0.0
 
     def __post_init__(self) -> None:
-        expected.positive_number("fx", self.fx)
-        expected.positive_number("fy", self.fy)
-        expected.number("cx", self.cx)
-        expected.number("cy", self.cy)
-        expected.number("skew", self.skew)
+        expected.positive("fx", self.fx)
+        expected.positive("fy", self.fy)
+        expected.finite("cx, cy, skew", np.array([self.cx, self.cy, self.skew]))
 
     def colrow(self, distorted: Array) -> Array:
         """Return the pixels of points (n, 2) in units of the focal length."""
@@ -223,13 +221,7 @@ def brown_of(camera: Camera) -> tuple[Array, Left]:
 
     They take the ideal point to the measured one; focal lengths and principal point are those of
     `pinhole_of`.
-
-    Raises
-    ------
-    ValueError
-        If `camera` is no Camera.
     """
-    expected.instance("camera", camera, Camera)
     lens = camera.interior
     xy = xy_from_colrow(camera, nodes(camera.width_px, camera.height_px))
     ideal = FLIP * correct(lens, xy) / lens.f

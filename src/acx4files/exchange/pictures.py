@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import cv2
 import numpy as np
@@ -31,6 +31,7 @@ from acx4files.exchange.metadata import (
     read,
     rotation,
 )
+from acx4files.exchange.options import Allow, Crs, Option
 from acx4files.exchange.safe import Opened, refusal
 from acx4files.flight.problems import quoted
 from acx4files.flight.settings import LEVER, camera_table
@@ -72,27 +73,35 @@ class _Shot:
 
 
 def read_folder(
-    source: Path,
+    source: Annotated[Path, Option("FOLDER", "Folder of the pictures.")],
     *,
-    crs: str = "",
-    pixel_um: float | None = None,
-    allow: float = WORST_PX,
-    hold_out: int | None = None,
+    crs: Crs = "",
+    pixel_um: Annotated[
+        float | None, Option("UM", "Size of a pixel, if unsaid.", low=0.1, high=100.0)
+    ] = None,
+    allow: Allow = WORST_PX,
+    hold_out: Annotated[
+        int | None,
+        Option(
+            "N",
+            "Every N exposures one is held out as block validation; the others are heads and "
+            "calibration.",
+            low=2,
+        ),
+    ] = None,
 ) -> ImportedFlight:
-    """Return the flight that the metadata of a folder's pictures describe.
+    """Make a flight of a folder of pictures: what their EXIF and XMP say, no point is measured.
 
-    Parameters
-    ----------
-    source : Path
-        Folder with TIFF or JPEG files, in folders of it too.
-    crs : str
-        Projected CRS of the flight; by default the UTM zone of the mean position, in WGS 84.
-    pixel_um : float, optional
-        Size of a pixel, for pictures that do not say it.
-    allow : float
-        Largest difference of a refitted lens, px.
-    hold_out : int, optional
-        Every so many exposures one is held out, as block ``validation``.
+    TIFF or JPEG of MicaSense, DJI and others: cameras with their factory's calibration, how the
+    heads are turned to each other, exposures, positions, attitudes, times. The pictures are linked
+    into the flight, or copied to another disk. Of several heads, `acx4 run --stages synthetic`
+    finds tie points in the pictures, and `acx4 render --blend stack` lays their bands over each
+    other. Without --crs it is the UTM zone of the mean position, in WGS 84.
+
+    Examples
+    --------
+    acx4 import pictures my_pictures --out my_flight
+    acx4 import pictures my_pictures --hold-out 2 --out my_flight
 
     Returns
     -------

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from inspect import Signature, signature
 from pathlib import Path
 from typing import Any
 
@@ -327,41 +326,6 @@ def flight_of(
             *flown.left_out,
         ),
     )
-
-
-def reading(project: Callable[..., Project], **orientations: str) -> Callable[..., ImportedFlight]:
-    """Return the reader of a program's files as a part of a flight, by its `project`.
-
-    Parameters
-    ----------
-    project : callable
-        From a source and options to a project.
-    **orientations : str
-        ``orientations``, the value by default of this option, where `project` lacks it. If it is
-        not given either, the reader does not have the option.
-
-    Returns
-    -------
-    callable
-        Its options are those of `project` and of `flight_of`.
-    """
-    special, common = (dict(signature(function).parameters) for function in (project, flight_of))
-    del common["project"]
-    if "orientations" not in {**special, **orientations}:
-        del common["orientations"]
-    common |= {
-        name: common[name].replace(default=default) for name, default in orientations.items()
-    }
-    of_both = Signature(sorted((common | special).values(), key=lambda parameter: parameter.kind))
-
-    def read(*source: Path, **given: Any) -> ImportedFlight:
-        bound = of_both.bind(*source, **given)
-        bound.apply_defaults()
-        imported = project(**{name: bound.arguments[name] for name in special})
-        return flight_of(imported, **{name: bound.arguments[name] for name in common})
-
-    read.__signature__ = of_both  # type: ignore[attr-defined] # what `signature` looks at
-    return read
 
 
 def nowhere(error: FlightError) -> InGrid:

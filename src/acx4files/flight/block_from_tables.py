@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from acx4files.flight.problems import NO_ROWS, Problem
+from acx4files import conventions
+from acx4files.flight.problems import ABSENT, NO_ROWS, RANGES, Problem
 from acx4files.flight.settings import Setup
 from acx4files.flight.table_files import read_columns
-from acx4files.flight.tables import GEOGRAPHIC, SCHEMAS, SIGMA_ATTITUDE, SIGMA_POSITION, Table
-from acx4files.opening import opened
+from acx4files.flight.tables import SCHEMAS, SIGMA_ATTITUDE, SIGMA_POSITION, Table
 from acx4lib.block import Block, Distances, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.frames import Pose
@@ -86,65 +86,53 @@ def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
     pictures : Path
         Folder of the flight with its pictures.
     """
-    block_control = folder / name / "control_points.csv"
-    control = block_control if os.path.lexists(block_control) else folder / "control_points.csv"
-    distances = folder / name / "distances.csv"
-    needs = f"block {name}"
-    images, image_points, trajectory = (
-        _read_table(path, str(path), needed_by=needs)
-        for path in (folder / name / f"{table}.csv" for table in TABLES)
+    own = folder / name / "control_points.csv"
+    control = own if os.path.lexists(own) else folder / "control_points.csv"
+    needs = {control: f"block {name} without its own"}
+    images, image_points, trajectory, surveyed = (
+        read_columns(
+            path, str(path), SCHEMAS[path.name], needed_by=needs.get(path, f"block {name}")
+        )
+        for path in (*(folder / name / f"{table}.csv" for table in TABLES), control)
     )
+    path = folder / name / "distances.csv"
+    distances = None
+    if os.path.lexists(path):
+        distances = read_columns(path, str(path), SCHEMAS[path.name], needed_by="a flight")
     return BlockTables(
         name=name,
         pictures=pictures,
         images=images,
         image_points=image_points,
         trajectory=trajectory,
-        control=_read_table(control, str(control), needed_by=f"{needs} without its own"),
-        distances=_read_table(distances, str(distances)) if os.path.lexists(distances) else None,
+        control=surveyed,
+        distances=distances,
     )
 
 
-def _read_table(path: Path, file: str, *, needed_by: str = "a flight") -> Table:
-    """Read a table of a flight; its `problems` list the errors."""
-    return read_columns(path, file, SCHEMAS[path.name], needed_by=needed_by)
-
-
-def without_points(tables: BlockTables, folder: Path) -> BlockTables:
+def without_points(tables: BlockTables) -> BlockTables:
     """Return the tables of a block that needs no measurements and no control points.
 
     Empty tables replace missing image points and control points.
-
-    Parameters
-    ----------
-    tables : BlockTables
-    folder : Path
-        Folder of the flight.
     """
-    points, control = folder / tables.name / "image_points.csv", Path(tables.control.file)
-    if _lacks(points):  # distances may be between points that are still to be measured
-        tables = replace(tables, image_points=_empty("image_points", points), distances=None)
-    if not control.is_file():
-        tables = replace(tables, control=_empty("control_points", control))
+    lacks = {ABSENT, NO_ROWS, "is empty"}
+    if not {problem.found for problem in tables.image_points.problems}.isdisjoint(lacks):
+        # distances may be between points that are still to be measured
+        points = _empty("image_points", tables.image_points.file)
+        tables = replace(tables, image_points=points, distances=None)
+    if ABSENT in {problem.found for problem in tables.control.problems}:
+        control = _empty("control_points", tables.control.file)
+        tables = replace(tables, control=control)
     return tables
 
 
-def _lacks(path: Path) -> bool:
-    """Tell whether a table is missing, or has no row under its header."""
-    if not path.is_file():
-        return True
-    with opened(path) as file:
-        rows = (line for line in file if line.strip())
-        return next(rows, None) is None or next(rows, None) is None
-
-
-def _empty(table: str, path: Path) -> Table:
+def _empty(table: str, file: str) -> Table:
     """Return a table without rows."""
-    schema = SCHEMAS[f"{table}.csv"]
+    required = SCHEMAS[f"{table}.csv"].required
     return Table(
-        file=str(path),
-        text=dict.fromkeys(schema.required, ()),
-        numbers={name: np.zeros(0) for name in schema.required if name in schema.ranges},
+        file=file,
+        text={name: () for name in required if name not in RANGES},
+        numbers={name: np.zeros(0) for name in required if name in RANGES},
     )
 
 
@@ -167,9 +155,7 @@ def measured_control(tables: BlockTables) -> Mask:
 
 def lonlat_of(trajectory: Table, grid: GridSystem) -> Array:
     """Return longitude and latitude of a trajectory in either form, degrees, shape (n, 2)."""
-    if "lat_deg" in trajectory.numbers:
-        return trajectory.stack("lon_deg", "lat_deg")
-    return grid.lonlat_from_grid(trajectory.stack("east_m", "north_m"))
+    return conventions.lonlat_of(trajectory.numbers, grid)
 
 
 def assemble(tables: BlockTables, setup: Setup) -> Block:
@@ -225,12 +211,11 @@ def _images(table: Table, cameras: Sequence[str], exposures: Sequence[str]) -> I
 
 def _image_points(tables: BlockTables, points: Sequence[str], setup: Setup) -> ImagePoints:
     table = tables.image_points
-    default = np.full(len(table), setup.apriori.image_point_px)
     return ImagePoints(
         image_idx=index_of(table.text["image"], tables.images.text["image"]),
         point_idx=index_of(table.text["point"], points),
         colrow=table.stack("col_px", "row_px"),
-        sigma_px=table.numbers.get("sigma_px", default),
+        sigma_px=_sigma(table, ["sigma_px"], [setup.apriori.image_point_px])[:, 0],
     )
 
 
@@ -262,11 +247,7 @@ def _trajectory(table: Table, used: Mask, frame: MappingFrame, setup: Setup) -> 
 
 def poses(table: Table, frame: MappingFrame) -> Pose:
     """Return the poses T_m_b of a trajectory in either form, one for every row."""
-    if table.has(*GEOGRAPHIC):
-        rph = np.radians(table.stack("roll_deg", "pitch_deg", "heading_deg"))
-        return frame.pose_from_geographic(table.stack("lon_deg", "lat_deg", "height_m"), rph)
-    opk = np.radians(table.stack("omega_deg", "phi_deg", "kappa_deg"))
-    return frame.pose_from_grid(table.stack("east_m", "north_m", "height_m"), opk)
+    return conventions.poses(table.numbers, frame)
 
 
 def _surveyed(

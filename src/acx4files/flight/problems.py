@@ -1,4 +1,4 @@
-"""Problems of a flight's files, and their messages: one line per problem."""
+"""Problems of a flight's files, and the sentences that say them: one line for each."""
 
 from __future__ import annotations
 
@@ -16,24 +16,15 @@ from acx4lib.expected import Index
 SHOWN = 10
 """Number of problems of one kind in one file that are written out; the others are counted."""
 
-LINES = 200
-"""Largest number of messages on one file."""
-
 QUOTED = 80
 """Largest number of characters of a file that a message repeats."""
 
-COMPARED = 64
-"""Length above which names are not compared: the time grows with the square of the length."""
-
-FEW = 500
-"""Largest number of names that are all compared; among more, only equal beginnings or ends."""
+MANY = 50_000
+"""Number of names above which no similar name is searched for."""
 
 _JOINT = re.compile(r"(?<=[^\W\d_])[ _-](?=\d)|(?<=\d)[ _-](?=[^\W\d_])")
 _ZEROS = re.compile(r"(?<!\d)0+(?=\d)")
 """Between letters and digits, and before a number: what `same_but_for_writing` passes over."""
-
-MANY = 50_000
-"""Number of names above which no similar name is searched for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,52 +78,45 @@ def counted(rows: Sequence[int] | Index, problem: Callable[[int], Problem]) -> I
 def lines_of(problems: Iterable[Problem]) -> tuple[str, ...]:
     """Return one message per problem, sorted by file and line; more than ten alike are counted."""
     problems = tuple(dict.fromkeys(problems))
-    files = list(dict.fromkeys(p.file for p in problems))
-    order = {file: i for i, file in enumerate(files)}
+    order = {file: i for i, file in enumerate(dict.fromkeys(p.file for p in problems))}
     alike: Counter[tuple[str, str, str]] = Counter()
     for p in problems:
         alike[p.file, p.column, p.expected] += p.times
     seen: Counter[tuple[str, str, str]] = Counter()
-    written: Counter[str] = Counter()
     lines = []
     for p in sorted(problems, key=lambda p: (order[p.file], p.line)):
         kind = (p.file, p.column, p.expected)
         seen[kind] += 1
-        if seen[kind] > SHOWN + 1:
-            continue
-        written[p.file] += 1
-        if seen[kind] == SHOWN + 1:
-            p = replace(p, found=f"and {alike[kind] - SHOWN} more from here on")  # noqa: PLW2901 the same place
-        if written[p.file] <= LINES:
+        if seen[kind] <= SHOWN:
             lines.append(str(p))
-        elif written[p.file] == LINES + 1:
-            lines.append(f"{visible(p.place)}: file: and more; correct these first")
+        elif seen[kind] == SHOWN + 1:
+            more = f"and {alike[kind] - SHOWN} more from here on"
+            lines.append(str(replace(p, found=more)))
     return tuple(lines)
 
 
-NO_ROWS = "has no rows"
-"""Message on a table with a header alone."""
+ABSENT, NO_ROWS = "is not there", "has no rows"
+"""Messages on a missing table, and on a table with a header alone."""
 
 
 def quoted(value: object) -> str:
     """Return a value of a file as quoted in a message, shortened if it is long."""
     if isinstance(value, str):
         return repr(value[:QUOTED]) + ("…" if len(value) > QUOTED else "")
-    text = repr(value)
+    try:
+        text = repr(value)
+    except ValueError:  # Python writes no integer of more than 4300 digits
+        text = "a number of thousands of digits"
     return text if len(text) <= QUOTED else f"{text[:QUOTED]}…"
 
 
-def did_you_mean(name: str, known: Collection[str]) -> str:
+def did_you_mean(name: object, known: Collection[str]) -> str:
     """Return " (did you mean 'x'?)", or nothing where no known name is close."""
-    if not 0 < len(name) <= COMPARED or len(known) > MANY:
+    if not isinstance(name, str) or not 0 < len(name) <= QUOTED or len(known) > MANY:
         return ""
-    if len(known) > FEW:
-        alike = (k for k in known if k[:2] == name[:2] or k[-2:] == name[-2:])
-        near = (k for k in alike if abs(len(k) - len(name)) <= 2)
-        known = list(islice(near, FEW))
-    known = [k for k in known if len(k) <= COMPARED]
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
-    close = close or [longer for longer in known if longer.startswith(name)]
+    near = [k for k in known if len(known) <= 500 or k[:2] == name[:2] or k[-2:] == name[-2:]][:500]
+    close = difflib.get_close_matches(name, [k for k in near if len(k) <= QUOTED], n=1)
+    close = close or [longer for longer in near if longer.startswith(name)]
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
@@ -142,9 +126,7 @@ def same_but_for_writing(names: Collection[str], known: Iterable[str]) -> dict[s
     They differ by case, blanks or hyphens between letters and digits, zeros before digits, the
     ".0" of a spreadsheet, or the way in which accents are coded.
     """
-    if not names:
-        return {}
-    written = {_bare(other): other for other in islice(known, MANY)}
+    written = {_bare(other): other for other in islice(known, MANY)} if names else {}
     pairs = ((name, written.get(_bare(name))) for name in names)
     return {name: other for name, other in pairs if other is not None}
 

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from pathlib import Path, PurePosixPath
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyproj
 
+from acx4files.conventions import FOOT, contradictions, misses
 from acx4files.flight.block_from_tables import (
     BLOCKS,
     TABLES,
@@ -37,7 +37,6 @@ from acx4files.flight.problems import (
     quoted,
     same_but_for_writing,
 )
-from acx4files.flight.readings import FOOT, fit_problems, misfit
 from acx4files.flight.settings import KNOWN, Setup, flight_table, setup_of
 from acx4files.flight.table_files import Columns, named_file, table_in_memory
 from acx4files.flight.tables import SCHEMAS, Table
@@ -167,20 +166,25 @@ def read(path: str | Path, *, pictures: str | Path = "") -> Flight:
         With all problems, one line each; files are named below `path` as it was given.
     """
     folder = expected.path("path", path)
-    if not _is_folder(folder):
-        raise FlightError(lines_of([_no_folder(folder)]))
-    try:
-        return _read(folder, Path(pictures or path))
-    except MemoryError:
-        raise FlightError(lines_of([_too_large(folder)])) from None
-
-
-def _read(folder: Path, pictures: Path) -> Flight:
-    toml = read_toml(folder / "flight.toml")
-    blocks = _read_blocks(folder, pictures)
-    others = [] if blocks else [_no_block(folder)]
-    others += [_no_block_folder(folder / name) for name in BLOCKS if _is_other(folder / name)]
-    notes = [f"{path} is in no block and is not read" for path in _strays(folder)]
+    if not os.path.isdir(folder):  # noqa: PTH112 no error for a name that no file can have
+        cure = "must be the folder of a flight, with a flight.toml"
+        raise FlightError(lines_of([_of_folder(folder, "is no folder", cure)]))
+    toml, blocks = read_toml(folder / "flight.toml"), _read_blocks(folder, Path(pictures or path))
+    others = [
+        _of_folder(folder / name, "is no folder", "must be the folder of a block")
+        for name in BLOCKS
+        if os.path.lexists(folder / name) and not (folder / name).is_dir()
+    ]
+    strays = sorted(
+        str(table.relative_to(folder))
+        for table in (*folder.glob("images.csv"), *folder.glob("*/images.csv"))
+        if table.parent.name not in BLOCKS or table.parent == folder
+    )[:SHOWN]
+    if not blocks:
+        stray = "".join(f" ({name} is in none)" for name in strays)
+        cure = f"needs at least one of the folders {', '.join(f'{name}/' for name in BLOCKS)}"
+        others.insert(0, _of_folder(folder, f"no block at all{stray}", cure))
+    notes = [f"{name} is in no block and is not read" for name in strays]
     return checked(toml, blocks, problems=others, notes=notes)
 
 
@@ -190,6 +194,7 @@ def checked(
     *,
     problems: Sequence[Problem] = (),
     notes: Sequence[str] = (),
+    kept: bool = False,
 ) -> Flight:
     """Build a flight from settings and tables; FlightError with all their problems.
 
@@ -199,23 +204,20 @@ def checked(
     blocks : sequence of BlockTables
     problems, notes : sequence
         Further problems and notes, beside the tables' own.
+    kept : bool
+        Whether the tables were checked before: pictures, heights and the fit to control points
+        are not looked at.
     """
-    all_problems = [*_toml_problems(toml)]
-    setup = None if all_problems else setup_of(toml)
-    all_problems += problems
+    found = [*(toml.problems or flight_table(toml).problems(toml))]
+    setup = None if found else setup_of(toml)
+    found += problems
     for tables in blocks:
-        all_problems += _block_problems(tables, toml, setup)
-    if setup is not None and not all_problems:
-        all_problems = [*_uncalibrated_problems(blocks, setup)]
-    if all_problems or setup is None:
-        raise FlightError(lines_of(all_problems))
-    block_notes = [note for tables in blocks for note in _notes(tables)]
-    return _flight(toml, setup, blocks, [*notes, *block_notes])
-
-
-def _toml_problems(toml: Toml) -> Iterator[Problem]:
-    """Yield the problems of flight.toml; if it could not be read, only the reason."""
-    yield from toml.problems or flight_table(toml).problems(toml)
+        found += _block_problems(tables, toml, setup, kept=kept)
+    if setup is not None and not found and not kept:
+        found = [*_uncalibrated_problems(blocks, setup)]
+    if found or setup is None:
+        raise FlightError(lines_of(found))
+    return _flight(toml, setup, blocks, [*notes, *(note for t in blocks for note in _notes(t))])
 
 
 def read_kept(path: str | Path) -> Flight:
@@ -235,23 +237,9 @@ def read_kept(path: str | Path) -> Flight:
         Where tables are wrong, or do not belong together.
     """
     folder = Path(path)
-    toml = read_toml(folder / "flight.toml")
-    blocks = _read_blocks(folder, folder)
-    problems = [*_toml_problems(toml), *([] if blocks else [_no_block(folder)])]
-    for tables in blocks:
-        problems += [*tables.problems, *_name_problems(tables, toml)]
-    if problems:
-        raise FlightError(lines_of(problems))
-    setup = setup_of(toml)
-    problems = [
-        problem
-        for tables in blocks
-        for problem in (*_sensor_problems(tables, setup), *_position_problems(tables, setup.grid))
-    ]
-    if problems:
-        raise FlightError(lines_of(problems))
-    notes = [note for tables in blocks for note in _notes(tables)]
-    return _flight(toml, setup, blocks, notes)
+    toml, blocks = read_toml(folder / "flight.toml"), _read_blocks(folder, folder)
+    none = [] if blocks else [_of_folder(folder, "no block at all", "needs one at least")]
+    return checked(toml, blocks, problems=none, kept=True)
 
 
 def table_files(flight: Flight) -> list[Path]:
@@ -266,7 +254,11 @@ def table_files(flight: Flight) -> list[Path]:
 
 
 def _read_blocks(folder: Path, pictures: Path) -> list[BlockTables]:
-    return [read_block(folder, n, pictures=pictures) for n in BLOCKS if _is_folder(folder / n)]
+    return [read_block(folder, n, pictures=pictures) for n in BLOCKS if (folder / n).is_dir()]
+
+
+def _of_folder(folder: Path, fault: str, cure: str) -> Problem:
+    return Problem(file=str(folder), line=1, column="folder", found=fault, expected=cure)
 
 
 def _flight(
@@ -274,7 +266,8 @@ def _flight(
 ) -> Flight:
     """Build the flight from blocks without problems."""
     assembled = {tables.name: assemble(tables, setup) for tables in blocks}
-    held = _unobserved_parts(assembled.get("calibration"))
+    local = setup.grid.is_local and "calibration" in assembled
+    held = _unobserved_parts(assembled["calibration"]) if local else ()
     setup = replace(setup, fix=tuple(dict.fromkeys((*setup.fix, *held))))
     notes = [*notes, *_vertical_notes(setup.grid), *area_notes(setup.grid, assembled)]
     notes += [note for block in assembled.values() for note in _datum_notes(block)]
@@ -297,62 +290,47 @@ def _flight(
     )
 
 
-def _is_folder(path: Path) -> bool:
-    try:
-        return path.is_dir()
-    except OSError:  # a name that no file can have
-        return False
-
-
-def _no_folder(folder: Path) -> Problem:
-    expected = "must be the folder of a flight, with a flight.toml"
-    return Problem(
-        file=str(folder), line=1, column="folder", found="is no folder", expected=expected
-    )
-
-
-def _too_large(folder: Path) -> Problem:
-    fault, expected = "reading it takes more memory than there is", "must fit into free memory"
-    return Problem(file=str(folder), line=1, column="folder", found=fault, expected=expected)
-
-
-def _is_other(path: Path) -> bool:
-    """Tell whether a path with the name of a block exists and is no folder."""
-    return os.path.lexists(path) and not _is_folder(path)
-
-
-def _no_block_folder(path: Path) -> Problem:
-    expected = "must be the folder of a block"
-    return Problem(file=str(path), line=1, column="folder", found="is no folder", expected=expected)
-
-
-def _no_block(folder: Path) -> Problem:
-    expected = f"needs at least one of the folders {', '.join(f'{name}/' for name in BLOCKS)}"
-    stray = "".join(f" ({path} is in none)" for path in _strays(folder))
-    fault = f"no block at all{stray}"
-    return Problem(file=str(folder), line=1, column="folder", found=fault, expected=expected)
-
-
-def _strays(folder: Path) -> list[str]:
-    """Return the tables of images outside all blocks: a block's folder may be misspelt."""
-    paths = [*folder.glob("images.csv"), *folder.glob("*/images.csv")]
-    below = [path.relative_to(folder) for path in paths]
-    return sorted(str(path) for path in below if path.parent.name not in BLOCKS)[:SHOWN]
-
-
-def _block_problems(tables: BlockTables, toml: Toml, setup: Setup | None) -> list[Problem]:
+def _block_problems(
+    tables: BlockTables, toml: Toml, setup: Setup | None, *, kept: bool
+) -> list[Problem]:
     """Return the problems of a block; its geometry is checked only if all else is right."""
-    problems = [*tables.problems]
-    problems += _name_problems(tables, toml)
-    problems += _file_problems(tables)
+    problems = [*tables.problems, *_name_problems(tables, toml)]
+    problems += [] if kept else _file_problems(tables)
     if setup is None:
         return problems
     problems += _sensor_problems(tables, setup)
-    if not problems:
-        sane = _without_single_rows(tables, setup.grid)
-        problems = [*_position_problems(sane, setup.grid)]
-        problems += [] if setup.grid.is_local else _height_problems(sane)
-    return problems or [*fit_problems(tables, setup, toml)]
+    if problems:
+        return problems
+    sane = tables if kept else _without_single_rows(tables, setup.grid)
+    problems = [*_position_problems(sane, setup.grid)]
+    if kept:
+        return problems
+    problems += [] if setup.grid.is_local else _height_problems(sane)
+    return problems or [*_fit_problems(tables, setup, toml)]
+
+
+def _fit_problems(tables: BlockTables, setup: Setup, toml: Toml) -> Iterator[Problem]:
+    """Yield surveyed points that do not project near their measurements, and the likely mistake."""
+    named = {"image_points": tables.image_points, "trajectory": tables.trajectory}
+    named["control_points"] = tables.control
+    surveyed = set(tables.control.text["point"])
+    names = tables.image_points.text["point"]
+    own = np.array([name in surveyed for name in names], dtype=bool)
+    tables = replace(tables, image_points=tables.image_points.select(own), distances=None)
+    if not own.any():
+        return
+    with np.errstate(all="ignore"):  # wrong positions may have no convergence
+        block = assemble(tables, setup)
+    rows = index_of(block.points, tables.control.text["point"])
+    enh = tables.control.stack("east_m", "north_m", "height_m")[rows]  # noqa: PD013 a flight's table
+    files = {name: table.file for name, table in named.items()}
+    for found in contradictions(block, tables.trajectory, enh, files):
+        if found.table == "mount":
+            keys = ("cameras", found.camera, found.column)
+            yield toml.problem(keys, found.found, found.expected)
+        else:
+            place = replace(named[found.table], lines=np.zeros(0))
+            yield place.problem(0, found.column, found.found, found.expected)
 
 
 def _image_files(tables: BlockTables) -> tuple[Path | None, ...]:
@@ -364,18 +342,16 @@ def _image_files(tables: BlockTables) -> tuple[Path | None, ...]:
 LEAST_ORIENTING = 3
 """Measured points that orient an image."""
 
-VALIDATED = "validation"
-"""The block whose images are not oriented by their points."""
-
 
 def _notes(tables: BlockTables) -> Iterator[str]:
+    """Yield what is odd in the tables of a block, and allowed."""
     for table in tables.tables:
         yield from table.notes
-    ties = tables.rays.keys() - set(tables.control.text["point"])
-    measured = set(tables.image_points.text["image"])
-    images = [name for name in tables.images.text["image"] if name not in measured]
+    surveyed = tables.control.text["point"]
+    ties = tables.rays.keys() - set(surveyed)
     count = Counter(tables.image_points.text["image"])
-    few = [name for name, n in count.items() if n < LEAST_ORIENTING and tables.name != VALIDATED]
+    images = [name for name in tables.images.text["image"] if name not in count]
+    few = [name for name, n in count.items() if n < LEAST_ORIENTING]
     rows, control = len(tables.trajectory), len(tables.control)
     for n, phrase in (
         (
@@ -383,11 +359,11 @@ def _notes(tables: BlockTables) -> Iterator[str]:
             f"of {len(ties)} tie points are measured only once",
         ),
         (
-            len(images) if measured else 0,
+            len(images) if count else 0,
             f"of {len(tables.images)} images have no measurements: {_some(images)}",
         ),
         (
-            len(few),
+            len(few) if tables.name != "validation" else 0,
             f"of {len(tables.images)} images have fewer than {LEAST_ORIENTING} measurements, which "
             f"orient no image by themselves: {_some(few)}",
         ),
@@ -399,17 +375,11 @@ def _notes(tables: BlockTables) -> Iterator[str]:
     ):
         if n:
             yield f"{tables.name}: {n} {phrase}"
-    yield from _other_writing(tables, ties)
-
-
-def _other_writing(tables: BlockTables, ties: Collection[str]) -> Iterator[str]:
-    """Yield a note on surveyed points that are measured under a name written otherwise."""
-    lost = [name for name in tables.control.text["point"] if name not in tables.rays]
-    pairs = same_but_for_writing(lost, ties)
-    if pairs:
+    lost = [name for name in surveyed if name not in tables.rays]
+    if pairs := same_but_for_writing(lost, ties):
         listed = _some([f"{name!r} as {other!r}" for name, other in pairs.items()])
         yield (
-            f"{tables.name}: {len(pairs)} of {len(tables.control)} control points seem to be "
+            f"{tables.name}: {len(pairs)} of {control} control points seem to be "
             f"measured as tie points, under names that are written otherwise: {listed}"
         )
 
@@ -456,82 +426,58 @@ def from_tables(
     FlightError
         With all problems, one line each, by table, row from 0, and column.
     """
-    blocks = {"heads": heads, "calibration": calibration, "validation": validation}
-    present = {name: tables for name, tables in blocks.items() if tables is not None}
-    toml = Toml(folder=Path(), file="settings", values=_plain(settings), in_memory=True)
+    given_blocks = {"heads": heads, "calibration": calibration, "validation": validation}
+    present = {name: tables for name, tables in given_blocks.items() if tables is not None}
     wrong = list(_missing(present, settings))
     if wrong:
         raise FlightError(lines_of(wrong))
-    read = [_block(name, tables, control_points) for name, tables in present.items()]
-    flight = checked(toml, read)
-    sums = {f"{b.name}/{t}.csv": getattr(b, t).sha256 for b in read for t in TABLES}
-    sums |= {f"{b.name}/{DISTANCES}.csv": b.distances.sha256 for b in read if b.distances}
+    toml = Toml(folder=Path(), file="settings", values=_plain(settings), in_memory=True)
+    blocks = []
+    for name, tables in present.items():
+        made = {
+            table: table_in_memory(columns, f"{name}.{table}", SCHEMAS[f"{table}.csv"])
+            for table, columns in tables.items()
+            if table != CONTROL
+        }
+        own = tables.get(CONTROL)
+        shared = NO_CONTROL if control_points is None else control_points
+        control = table_in_memory(
+            shared if own is None else own,
+            CONTROL if own is None else f"{name}.{CONTROL}",
+            SCHEMAS[f"{CONTROL}.csv"],
+        )
+        blocks.append(BlockTables(name=name, pictures=Path(), control=control, **made))
+    flight = checked(toml, blocks)
+    sums = {f"{b.name}/{t}.csv": getattr(b, t).sha256 for b in blocks for t in TABLES}
+    sums |= {f"{b.name}/{DISTANCES}.csv": b.distances.sha256 for b in blocks if b.distances}
     return replace(flight, path=PLACE, pictures=PLACE, sha256=sums)
+
+
+NO_CONTROL = dict.fromkeys(("point", "east_m", "north_m", "height_m"), np.zeros(0))
 
 
 def _missing(blocks: Mapping[str, Tables], settings: object) -> Iterator[Problem]:
     """Yield missing blocks, and blocks and tables of a wrong type or name."""
     if not isinstance(settings, Mapping):
-        yield _problem("settings", "settings", f"is {given(settings)}", "must be a dict")
+        yield _in_memory("settings", "settings", f"is {given(settings)}", "must be a dict")
     if not blocks:
-        expected = "must have one at least: heads, calibration or validation"
-        yield _problem("flight", "blocks", "no block at all", expected)
-    for name, tables in blocks.items():
-        if isinstance(tables, Mapping):
-            yield from _names(name, tables)
-        else:
-            expected = f"must be a dict of the tables {', '.join(TABLES)}"
-            yield _problem(name, "tables", f"is {given(tables)}", expected)
-
-
-def _names(block: str, tables: Tables) -> Iterator[Problem]:
-    """Yield unknown and missing tables of a block."""
+        cure = "must have one at least: heads, calibration or validation"
+        yield _in_memory("flight", "blocks", "no block at all", cure)
     known = (*TABLES, CONTROL, DISTANCES)
-    for table in tables:
-        if table not in known:
-            fault = f"unknown table{did_you_mean(str(table), known)}"
-            yield _problem(block, str(table), fault, f"must be one of {', '.join(known)}")
-    for table in TABLES:
-        if table not in tables:
-            yield _problem(block, table, "missing", "required")
+    for block, tables in blocks.items():
+        if not isinstance(tables, Mapping):
+            cure = f"must be a dict of the tables {', '.join(TABLES)}"
+            yield _in_memory(block, "tables", f"is {given(tables)}", cure)
+            continue
+        for table in (table for table in tables if table not in known):
+            fault = f"unknown table{did_you_mean(table, known)}"
+            yield _in_memory(block, str(table), fault, f"must be one of {', '.join(known)}")
+        for table in (table for table in TABLES if table not in tables):
+            yield _in_memory(block, table, "missing", "required")
 
 
-def _problem(table: str, column: str, fault: str, expected: str) -> Problem:
-    return Problem(
-        file=table, line=-1, column=column, found=fault, expected=expected, in_memory=True
-    )
-
-
-def _block(name: str, tables: Tables, control_points: Columns | None) -> BlockTables:
-    images, image_points, trajectory = (
-        table_in_memory(tables[table], f"{name}.{table}", SCHEMAS[f"{table}.csv"])
-        for table in TABLES
-    )
-    return BlockTables(
-        name=name,
-        pictures=Path(),
-        images=images,
-        image_points=image_points,
-        trajectory=trajectory,
-        control=_control(name, tables, control_points),
-        distances=_distances(name, tables),
-    )
-
-
-def _distances(name: str, tables: Tables) -> Table | None:
-    if DISTANCES not in tables:
-        return None
-    return table_in_memory(tables[DISTANCES], f"{name}.{DISTANCES}", SCHEMAS[f"{DISTANCES}.csv"])
-
-
-def _control(name: str, tables: Tables, shared: Columns | None) -> Table:
-    """Return a block's own control points, or those of the flight, or none."""
-    block_control = tables.get(CONTROL)
-    columns = shared if block_control is None else block_control
-    if columns is None:
-        columns = dict.fromkeys(("point", "east_m", "north_m", "height_m"), np.zeros(0))
-    label = CONTROL if block_control is None else f"{name}.{CONTROL}"
-    return table_in_memory(columns, label, SCHEMAS[f"{CONTROL}.csv"])
+def _in_memory(table: str, column: str, fault: str, cure: str) -> Problem:
+    return Problem(file=table, line=-1, column=column, found=fault, expected=cure, in_memory=True)
 
 
 def _plain(value: Any) -> Any:
@@ -548,79 +494,68 @@ def _plain(value: Any) -> Any:
 
 def _name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
     """Yield unknown names of images, cameras, exposures and points, and unknown roles."""
-    cameras = toml.table("cameras")
-    if cameras:
-        yield from _unknown(tables.images, "camera", cameras, f"must be a camera of {toml.file}")
+    images, measured, distances = tables.images, tables.image_points, tables.distances
+    if cameras := toml.table("cameras"):
+        yield from _unknown(images, "camera", cameras, f"must be a camera of {toml.file}")
+    row_in = "must have a row in {}"
     for table, column, other in (
-        (tables.images, "exposure", tables.trajectory),
-        (tables.image_points, "image", tables.images),
+        (images, "exposure", tables.trajectory),
+        (measured, "image", images),
     ):
-        if len(other) and column in other.text:
-            expected = f"must have a row in {other.file}"
-            yield from _unknown(table, column, other.text[column], expected)
+        if len(other) and other.whole and column in other.text:
+            yield from _unknown(table, column, other.text[column], row_in.format(other.file))
     yield from _unknown(tables.control, "role", ("control", "check"), "must be control or check")
-    if tables.distances is not None:
-        yield from _distance_problems(tables.distances, tables.image_points)
-    yield from _strip_problems(tables, toml)
+    if distances is not None and measured.whole and measured.has("point"):
+        yield from _distance_problems(distances, measured)
+    yield from _time_problems(tables, toml)
     if tables.name == "heads":
-        yield from _head_problems(tables.images, toml)
+        yield from _head_problems(images, toml)
     elif toml.get("synthetic", "measured_in") == "heads":
-        yield from _other_cameras(tables.images, toml, ", since measured_in is 'heads'")
+        yield from _other_cameras(images, toml, ", since measured_in is 'heads'")
 
 
 def _distance_problems(distances: Table, measured: Table) -> Iterator[Problem]:
     """Yield distances to unmeasured points, and distances from a point to itself."""
-    if "point" not in measured.text or not distances.has("point_a", "point_b"):
-        return
-    for end in ("point_a", "point_b"):
-        expected = f"must be a point of {measured.file}"
-        yield from _unknown(distances, end, measured.text["point"], expected)
-    names = list(zip(distances.text["point_a"], distances.text["point_b"], strict=True))
+    ends = {end: distances.text.get(end, ()) for end in ("point_a", "point_b")}
+    for end in ends:
+        cure = f"must be a point of {measured.file}"
+        yield from _unknown(distances, end, measured.text["point"], cure)
+    cure = "must be another point than point_a"
     yield from counted(
-        [row for row, (a, b) in enumerate(names) if a == b],
+        [row for row, (a, b) in enumerate(zip(*ends.values(), strict=False)) if a == b],
         lambda row: distances.problem(
-            row, "point_b", f"{quoted(names[row][1])} again", "must be another point than point_a"
+            row, "point_b", f"{quoted(ends['point_b'][row])} again", cure
         ),
     )
 
 
-def _strip_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
-    """Yield requested drifts or delays for which strips or times are missing."""
+def _time_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
+    """Yield requested drifts, delays or correlations for which strips or times are missing."""
     keys = ("stages", "mounting", "gnss")
     asked = toml.get(*keys) if tables.name == "calibration" else None
     asked = asked if isinstance(asked, list) else []
-    has_strips = any(tables.images.text.get("strip", ()))
-    for name in asked:
-        if name in ("drift", *DELAYS) and not has_strips:
-            yield toml.problem(
-                keys, repr(name), f"needs strips in {tables.images.file}, column strip"
-            )
-    yield from _timeless(tables, toml, keys, [name for name in asked if name in DELAYS])
+    if not any(tables.images.text.get("strip", ())):
+        cure = f"needs strips in {tables.images.file}, column strip"
+        for name in (name for name in asked if name in ("drift", *DELAYS)):
+            yield toml.problem(keys, repr(name), cure)
+    if len(tables.trajectory) and not tables.trajectory.has("time_s"):
+        cure = f"needs times in {tables.trajectory.file}, column time_s"
+        for name in (name for name in asked if name in DELAYS):
+            yield toml.problem(keys, repr(name), cure)
+        for key in ("gnss_correlation_s", "attitude_correlation_s"):
+            if key in (apriori := toml.table("apriori")):
+                yield toml.problem(("apriori", key), quoted(apriori[key]), cure)
 
 
-def _timeless(
-    tables: BlockTables, toml: Toml, keys: tuple[str, ...], delays: Sequence[str]
-) -> Iterator[Problem]:
-    """Yield requested delays and correlations if the trajectory has no times."""
-    if len(tables.trajectory) == 0 or tables.trajectory.has("time_s"):
-        return
-    expected = f"needs times in {tables.trajectory.file}, column time_s"
-    for name in delays:
-        yield toml.problem(keys, repr(name), expected)
-    for key in ("gnss_correlation_s", "attitude_correlation_s"):
-        if key in toml.table("apriori"):
-            yield toml.problem(("apriori", key), quoted(toml.get("apriori", key)), expected)
-
-
-def _unknown(table: Table, column: str, known: Collection[str], expected: str) -> Iterator[Problem]:
+def _unknown(table: Table, column: str, known: Collection[str], cure: str) -> Iterator[Problem]:
     names, known = table.text.get(column, ()), dict.fromkeys(known)
     unknown = set(names) - known.keys() - {""}
-    rows = [row for row, name in enumerate(names) if name in unknown] if unknown else []
 
     def problem(row: int) -> Problem:
         fault = f"{quoted(names[row])} is unknown{did_you_mean(names[row], known)}"
-        return table.problem(row, column, fault, expected)
+        return table.problem(row, column, fault, cure)
 
+    rows = [row for row, name in enumerate(names) if name in unknown] if unknown else []
     yield from counted(rows, problem)
 
 
@@ -660,30 +595,27 @@ def _other_file(inside: Path, block: Path, name: str) -> str:
 
 def _head_problems(images: Table, toml: Toml) -> Iterator[Problem]:
     """Yield contradictions between the heads' images and the declared heads."""
-    settings, heads = toml.get(), toml.get("synthetic", "heads")
-    if settings and "synthetic" not in settings:
+    heads, cameras = toml.get("synthetic", "heads"), toml.table("cameras")
+    if (settings := toml.table()) and "synthetic" not in settings:
         yield toml.problem(("synthetic",), "missing", "required, since there is a block heads")
-    if not isinstance(heads, list) or "camera" not in images.text:
-        return
     yield from _other_cameras(images, toml, "")
-    names, cameras = set(images.text["camera"]), toml.table("cameras")
-    for head in heads:
-        if isinstance(head, str) and head not in names and head in cameras:
-            expected = f"every head needs images in {images.file}"
-            yield toml.problem(("synthetic", "heads"), f"{head!r} took no image", expected)
+    if isinstance(heads, list) and images.whole and "camera" in images.text:
+        for head in (h for h in heads if isinstance(h, str) and h in cameras):
+            if head not in images.text["camera"]:
+                cure = f"every head needs images in {images.file}"
+                yield toml.problem(("synthetic", "heads"), f"{head!r} took no image", cure)
 
 
 def _other_cameras(images: Table, toml: Toml, since: str) -> Iterator[Problem]:
     """Yield the images of declared cameras that are no heads."""
-    heads = toml.get("synthetic", "heads")
-    names = images.text.get("camera", ())
-    known = [head for head in heads if isinstance(head, str)] if isinstance(heads, list) else names
-    others = set(names) & toml.table("cameras").keys() - set(known)
-    expected = f"must be one of synthetic.heads in {toml.file}{since}"
-    yield from counted(
-        [row for row, name in enumerate(names) if name in others],
-        lambda row: images.problem(row, "camera", f"{names[row]!r} is no head", expected),
-    )
+    heads, names = toml.get("synthetic", "heads"), images.text.get("camera", ())
+    if isinstance(heads, list):
+        others = {name for name in toml.table("cameras") if name not in heads}
+        cure = f"must be one of synthetic.heads in {toml.file}{since}"
+        yield from counted(
+            [row for row, name in enumerate(names) if name in others],
+            lambda row: images.problem(row, "camera", f"{names[row]!r} is no head", cure),
+        )
 
 
 def _uncalibrated_problems(blocks: Sequence[BlockTables], setup: Setup) -> Iterator[Problem]:
@@ -694,16 +626,12 @@ def _uncalibrated_problems(blocks: Sequence[BlockTables], setup: Setup) -> Itera
     images = {tables.name: tables.images for tables in blocks}
     if setup.measured_in_heads or not {"calibration", "validation"} <= images.keys():
         return
-    calibrated = images["calibration"].text.get("camera", ())
-    validated, known = images["validation"].text.get("camera", ()), set(calibrated)
-    first: dict[str, int] = {}
-    for row, name in enumerate(validated if calibrated else ()):
-        first.setdefault(name, row)
-    for name, row in first.items():
-        if name not in known:
-            fault = f"{name!r} is not calibrated"
-            expected = f"must be a camera with images in {images['calibration'].file}"
-            yield images["validation"].problem(row, "camera", fault, expected)
+    calibrated, validated = (images[name] for name in ("calibration", "validation"))
+    for name in dict.fromkeys(validated.text["camera"]):
+        if name not in calibrated.text["camera"]:
+            row = validated.text["camera"].index(name)
+            cure = f"must be a camera with images in {calibrated.file}"
+            yield validated.problem(row, "camera", f"{name!r} is not calibrated", cure)
 
 
 def _sensor_problems(tables: BlockTables, setup: Setup) -> Iterator[Problem]:
@@ -712,103 +640,80 @@ def _sensor_problems(tables: BlockTables, setup: Setup) -> Iterator[Problem]:
     if not (images.has("image", "camera") and measured.has("image", "col_px", "row_px")):
         return
     image_idx = index_of(measured.text["image"], images.text["image"])
-    names = tuple(setup.cameras)
-    camera_idx = np.append(index_of(images.text["camera"], names), -1)[image_idx]
+    camera_idx = np.append(index_of(images.text["camera"], [*setup.cameras]), -1)[image_idx]
     colrow = measured.stack("col_px", "row_px")  # noqa: PD013 a flight's table
     finite = np.isfinite(colrow).all(axis=1)
-    for i, name in enumerate(names):
-        camera, mine = setup.cameras[name], np.flatnonzero((camera_idx == i) & finite)
+    for i, camera in enumerate(setup.cameras.values()):
+        mine = np.flatnonzero((camera_idx == i) & finite)
         rows = mine[~inside(camera, colrow[mine])]
-        swapped = partial(_inside_if_swapped, camera, colrow)
         sides = np.array([camera.width_px, camera.height_px])
-        mm = bool(np.all(np.abs(colrow[mine]) <= (sides + 1) / 2 * camera.pixel_mm))
+        in_mm = bool(np.all(np.abs(colrow[mine]) <= (sides + 1) / 2 * camera.pixel_mm))
         beyond_col = np.abs(colrow[rows, 0] - (camera.width_px - 1) / 2) > camera.width_px / 2
-        for column, size, outside in (
-            ("col_px", camera.width_px, rows[beyond_col]),
-            ("row_px", camera.height_px, rows[~beyond_col]),
-        ):
-            expected = f"must lie on the sensor of {camera.name}, from -0.5 to {size - 0.5}"
-            hint = " (in mm from the middle?)" if mm else ""
-            yield from counted(outside, _outside(measured, column, hint, swapped, expected))
+        for axis, outside in enumerate((rows[beyond_col], rows[~beyond_col])):
+            column = ("col_px", "row_px")[axis]
+            cure = f"must lie on the sensor of {camera.name}, from -0.5 to {sides[axis] - 0.5}"
 
+            def problem(
+                row: int,
+                axis: int = axis,
+                column: str = column,
+                cure: str = cure,
+                camera: Camera = camera,
+                in_mm: bool = in_mm,
+            ) -> Problem:
+                swapped = bool(inside(camera, colrow[row, ::-1]))
+                hint = " (col and row swapped?)" if swapped else ""
+                hint = " (in mm from the middle?)" if in_mm else hint
+                return measured.problem(row, column, f"{colrow[row, axis]:.12g}{hint}", cure)
 
-def _inside_if_swapped(camera: Camera, colrow: Array, row: int) -> bool:
-    return bool(inside(camera, colrow[row, ::-1]))
-
-
-def _outside(
-    measured: Table, column: str, hint: str, may_be_swapped: Callable[[int], bool], expected: str
-) -> Callable[[int], Problem]:
-    """Return a function that describes a row whose measurement lies outside the sensor."""
-
-    def problem(row: int) -> Problem:
-        swapped = " (col and row swapped?)" if not hint and may_be_swapped(row) else hint
-        fault = measured.text[column][row].strip() + swapped
-        return measured.problem(row, column, fault, expected)
-
-    return problem
+            yield from counted(outside, problem)
 
 
 def _position_problems(tables: BlockTables, grid: GridSystem) -> Iterator[Problem]:
     """Yield positions that the CRS or the geoid grid does not cover."""
     if grid.is_local:
-        yield from _off_frame(tables)
+        if "lat_deg" in tables.trajectory.numbers:
+            cure = f"must be east_m, north_m, … kappa_deg, since crs is {LOCAL!r}"
+            fault = "longitudes and latitudes of a flight on no map"
+            yield tables.trajectory.problem(0, "lat_deg", fault, cure)
         return
-    yield from _degree_problems(tables, grid)
+    crs = quoted(grid.crs)[1:-1]
     for table, used in (
         (tables.trajectory, used_exposures(tables)),
         (tables.control, measured_control(tables)),
     ):
-        rows = np.flatnonzero(used)
+        rows, on_map = np.flatnonzero(used), "east_m" in table.numbers
         lonlat = lonlat_of(table, grid)
-        on_earth = np.isfinite(lonlat[:, 0]) & np.isfinite(lonlat[:, 1])
-        if "east_m" in table.numbers:
+        on_earth = np.isfinite(lonlat).all(axis=1)
+        if on_map:
             on_earth[on_earth] = np.isfinite(grid.convergence(lonlat[on_earth]))
-        yield from counted(rows[~on_earth[rows]], _nowhere(table, grid))
+            east_north = table.stack("east_m", "north_m")  # noqa: PD013 a flight's table
+            if of_degrees(grid, *east_north.T):
+                fault = f"{_pair(east_north[0])} (longitude, latitude in degrees?)"
+                yield table.problem(0, "east_m", fault, f"must be metres where {crs} is meant for")
+            yield from counted(
+                rows[~on_earth[rows]],
+                lambda row, table=table, east_north=east_north: table.problem(  # type: ignore[misc]
+                    row,
+                    "east_m",
+                    f"{_pair(east_north[row])} is nowhere",
+                    f"must be a position that {crs} covers, easting first",
+                ),
+            )
         rows = rows[on_earth[rows]]
-        undulation = grid.undulation(lonlat[rows])
-        yield from counted(rows[~np.isfinite(undulation)], _no_height(table, grid, lonlat))
+        yield from counted(
+            rows[~np.isfinite(grid.undulation(lonlat[rows]))],
+            lambda row, table=table, lonlat=lonlat, on_map=on_map: table.problem(  # type: ignore[misc]
+                row,
+                "east_m" if on_map else "lat_deg",
+                f"no height is known at {lonlat[row, 1]:.4f}, {lonlat[row, 0]:.4f}",
+                f"must lie inside the geoid grid {grid.height_system}",
+            ),
+        )
 
 
-def _off_frame(tables: BlockTables) -> Iterator[Problem]:
-    """Yield a problem if a flight on no map has a trajectory in longitude and latitude."""
-    if "lat_deg" in tables.trajectory.numbers:
-        expected = f"must be east_m, north_m, … kappa_deg, since crs is {LOCAL!r}"
-        fault = "longitudes and latitudes of a flight on no map"
-        yield tables.trajectory.problem(0, "lat_deg", fault, expected)
-
-
-def _degree_problems(tables: BlockTables, grid: GridSystem) -> Iterator[Problem]:
-    """Yield tables with longitudes and latitudes in place of metres."""
-    for table in (tables.trajectory, tables.control):
-        if table.has("east_m", "north_m") and of_degrees(
-            grid, table.numbers["east_m"], table.numbers["north_m"]
-        ):
-            east, north = (table.text[name][0].strip() for name in ("east_m", "north_m"))
-            fault = f"{east}, {north} (longitude, latitude in degrees?)"
-            expected = f"must be metres where {quoted(grid.crs)[1:-1]} is meant for"
-            yield table.problem(0, "east_m", fault, expected)
-
-
-def _nowhere(table: Table, grid: GridSystem) -> Callable[[int], Problem]:
-    expected = f"must be a position that {quoted(grid.crs)[1:-1]} covers, easting first"
-
-    def problem(row: int) -> Problem:
-        east, north = (table.text[name][row].strip() for name in ("east_m", "north_m"))
-        return table.problem(row, "east_m", f"{east}, {north} is nowhere", expected)
-
-    return problem
-
-
-def _no_height(table: Table, grid: GridSystem, lonlat: Array) -> Callable[[int], Problem]:
-    column = "lat_deg" if "lat_deg" in table.numbers else "east_m"
-    expected = f"must lie inside the geoid grid {grid.height_system}"
-
-    def problem(row: int) -> Problem:
-        fault = f"no height is known at {lonlat[row, 1]:.4f}, {lonlat[row, 0]:.4f}"
-        return table.problem(row, column, fault, expected)
-
-    return problem
+def _pair(east_north: Array) -> str:
+    return f"{east_north[0]:.12g}, {east_north[1]:.12g}"
 
 
 def _height_problems(tables: BlockTables) -> Iterator[Problem]:
@@ -816,38 +721,33 @@ def _height_problems(tables: BlockTables) -> Iterator[Problem]:
     measured = measured_control(tables)
     if not measured.any():
         return
-    height = tables.control.numbers["height_m"]
+    control, trajectory = tables.control, tables.trajectory
+    height, flown = control.numbers["height_m"], trajectory.numbers["height_m"]
     lowest = int(np.flatnonzero(measured)[np.argmin(height[measured])])
-    highest = _highest_seen(tables)
-    trajectory = tables.trajectory
-    above = [highest.get(name, lowest) for name in trajectory.text["exposure"]]
-    below = trajectory.numbers["height_m"] <= height[above]
-    expected = f"must lie above the control points of {tables.control.file}"
-    above_in_feet = trajectory.numbers["height_m"] > FOOT * height[above]
-    feet = " (in feet?)" if below.mean() > 0.5 and above_in_feet.all() else ""
+    highest: dict[str, int] = {}
+    for row, exposure in _surveyed_rays(tables):
+        if height[row] > height[highest.setdefault(exposure, row)]:
+            highest[exposure] = row
+    above = np.array([highest.get(name, lowest) for name in trajectory.text["exposure"]])
+    below = flown <= height[above]
+    feet = below.mean() > 0.5 and (flown > FOOT * height[above]).all()
 
     def problem(row: int) -> Problem:
-        fault = (
-            f"{trajectory.text['height_m'][row].strip()} is below control point "
-            f"{quoted(tables.control.text['point'][above[row]])} at {height[above[row]]:g}{feet}"
-        )
-        return trajectory.problem(row, "height_m", fault, expected)
+        point = quoted(control.text["point"][above[row]])
+        fault = f"{flown[row]:.12g} is below control point {point} at {height[above[row]]:g}"
+        cure = f"must lie above the control points of {control.file}"
+        return trajectory.problem(row, "height_m", fault + " (in feet?)" * bool(feet), cure)
 
     yield from counted(np.flatnonzero(used_exposures(tables) & below), problem)
 
 
-def _highest_seen(tables: BlockTables) -> dict[str, int]:
-    """Return the row of the highest control point in the images of each exposure."""
+def _surveyed_rays(tables: BlockTables) -> Iterator[tuple[int, str]]:
+    """Yield the row of the surveyed point and the exposure of each of its measurements."""
     exposure = dict(zip(tables.images.text["image"], tables.images.text["exposure"], strict=True))
-    height = tables.control.numbers["height_m"]
-    highest: dict[str, int] = {}
-    text = tables.image_points.text
-    rows = index_of(text["point"], tables.control.text["point"])
+    measured = tables.image_points.text
+    rows = index_of(measured["point"], tables.control.text["point"])
     for i in np.flatnonzero(rows >= 0).tolist():
-        name, row = exposure[text["image"][i]], int(rows[i])
-        if height[row] > height[highest.setdefault(name, row)]:
-            highest[name] = row
-    return highest
+        yield int(rows[i]), exposure[measured["image"][i]]
 
 
 # --- Notes on strange positions of points; they are no reason to refuse the flight
@@ -859,9 +759,6 @@ ABSURD = 4.0
 SHARE, ENOUGH = 10, 3
 """At most one row in `SHARE`, or one row, is single; at least `ENOUGH` others must remain."""
 
-NAMED = 5
-"""Number of points that a note names."""
-
 BESIDE_DEG = 3.0
 """Allowed distance from the area of use of a CRS: zones are used beyond their borders."""
 
@@ -870,17 +767,22 @@ def _without_single_rows(tables: BlockTables, grid: GridSystem) -> BlockTables:
     """Drop single control points outside the CRS, or above all exposures that see them.
 
     A mistake in one row of many is a gross error; the adjustment will find it. Mistakes in many
-    rows are a mistake of the table; then all rows stay.
+    rows are a mistake of the table; then all rows stay. A point is too high if it is above half
+    of the block's exposures as well, because a single exposure may be too low itself.
     """
     rows = np.flatnonzero(measured_control(tables))
     lonlat = lonlat_of(tables.control, grid)[rows]
     on_earth = np.flatnonzero(np.isfinite(lonlat).all(axis=1))
     wrong = np.ones(len(rows), dtype=bool)
     wrong[on_earth] = ~np.isfinite(grid.undulation(lonlat[on_earth]))
-    height = tables.control.numbers["height_m"][rows]
-    lowest = tables.trajectory.numbers["height_m"][used_exposures(tables)].min(initial=np.inf)
-    if np.any(height >= lowest):
-        wrong |= height >= _highest_below(tables)[rows]
+    height, trajectory = tables.control.numbers["height_m"], tables.trajectory
+    used = trajectory.numbers["height_m"][used_exposures(tables)]
+    if np.any(height[rows] >= used.min(initial=np.inf)):
+        flown = dict(zip(trajectory.text["exposure"], trajectory.numbers["height_m"], strict=True))
+        highest = np.full(len(height), np.median(used))
+        for row, exposure in _surveyed_rays(tables):
+            highest[row] = max(highest[row], flown[exposure])
+        wrong |= height[rows] >= highest[rows]
     n = int(wrong.sum())
     if n > max(1, len(rows) // SHARE) or len(rows) - n < ENOUGH:
         return tables
@@ -889,56 +791,29 @@ def _without_single_rows(tables: BlockTables, grid: GridSystem) -> BlockTables:
     return replace(tables, control=tables.control.select(keep))
 
 
-def _highest_below(tables: BlockTables) -> Array:
-    """Return the lowest impossible height of every control point, m, shape (n,).
-
-    It is above all exposures that see the point, and above half of the block's exposures,
-    because a single exposure may be too low itself.
-    """
-    trajectory = tables.trajectory
-    used = trajectory.numbers["height_m"][used_exposures(tables)]
-    height = dict(zip(trajectory.text["exposure"], trajectory.numbers["height_m"], strict=True))
-    exposure = dict(zip(tables.images.text["image"], tables.images.text["exposure"], strict=True))
-    highest = dict.fromkeys(tables.control.text["point"], float(np.median(used)))
-    text = tables.image_points.text
-    for i in np.flatnonzero(index_of(text["point"], [*highest]) >= 0).tolist():
-        point = text["point"][i]
-        highest[point] = max(highest[point], float(height[exposure[text["image"][i]]]))
-    return np.array(list(highest.values()))
-
-
 def _control_notes(tables: BlockTables, block: Block) -> Iterator[str]:
-    """Yield notes on surveyed points that project far from their measurements."""
-    misfits = misfit(block)
-    ratio = medians(misfits.distance_px / misfits.allowed_px, misfits.point_idx, len(block.points))
-    absurd = {block.points[i] for i in np.flatnonzero(ratio > ABSURD)}
-    line = dict(zip(tables.control.text["point"], tables.control.lines, strict=True))
-    far = [name for name in line if name in absurd]
-    if far:
-        listed = ", ".join(
-            f"{name!r} ({tables.control.counts} {line[name]})" for name in far[:NAMED]
-        )
-        more = ", …" if len(far) > NAMED else ""
+    """Yield a note on surveyed points that project far from their measurements."""
+    seen, ratio = misses(block)
+    far = {
+        block.points[i]
+        for i in seen.points[medians(ratio, seen.point_idx, len(seen.points)) > ABSURD]
+    }
+    control = tables.control
+    line = {p: n for p, n in zip(control.text["point"], control.lines, strict=True) if p in far}
+    if line:
+        listed = _some([f"{name!r} ({control.counts} {n})" for name, n in line.items()])
         yield (
-            f"{tables.name}: {len(far)} of {len(np.unique(misfits.point_idx))} surveyed points of "
-            f"{tables.control.file} lie nowhere near where they were measured, and will be "
-            f"rejected as gross errors if the others fit: {listed}{more}"
+            f"{tables.name}: {len(line)} of {len(seen.points)} surveyed points of "
+            f"{control.file} lie nowhere near where they were measured, and will be "
+            f"rejected as gross errors if the others fit: {listed}"
         )
 
 
-def _unobserved_parts(block: Block | None) -> tuple[str, ...]:
+def _unobserved_parts(block: Block) -> tuple[str, ...]:
     """Return the mounting parts that the trajectory does not observe, named as in `fix`."""
-    if block is None or not block.frame.grid.is_local:
-        return ()
-    trajectory = block.trajectory
-    positions, attitudes = (
-        np.isfinite(sigma).all(axis=1).any()
-        for sigma in (trajectory.sigma_position, trajectory.sigma_attitude)
-    )
-    return (
-        *(() if positions and attitudes else ("lever_arm",)),
-        *(() if attitudes else ("boresight",)),
-    )
+    attitudes = bool(np.isfinite(block.trajectory.sigma_attitude).all(axis=1).any())
+    lever = () if _observed(block) and attitudes else ("lever_arm",)
+    return (*lever, *(() if attitudes else ("boresight",)))
 
 
 def _held_notes(setup: Setup) -> Iterator[str]:

@@ -10,12 +10,13 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pyproj.exceptions import ProjError
 
-from acx4files.flight.problems import POSITIVE, RANGES, SHOWN, Problem, Range, did_you_mean, quoted
+from acx4files.flight.problems import POSITIVE, RANGES, Problem, Range, did_you_mean, quoted
 from acx4files.flight.table_files import named_file
 from acx4files.flight.toml_file import (
     Keys,
@@ -56,7 +57,6 @@ alone, and outwards a fisheye needs a quarter and more."""
 FORMAT = 6
 """The latest format of flight.toml; all earlier formats are understood as well."""
 
-MOST_CAMERAS = 1000
 MOST_REASON = 200
 """Largest number of characters of a message of PROJ that is repeated."""
 
@@ -111,29 +111,25 @@ def _grid_problems(toml: Toml, _: Keys) -> Iterator[Problem]:
     try:
         grid_system(str(crs))
     except ValueError as error:
-        expected = f"must be a projected CRS in metres, or {LOCAL!r}"
-        yield toml.problem(("crs",), str(error), expected)
+        yield toml.problem(("crs",), str(error), f"must be a projected CRS in metres, or {LOCAL!r}")
         return
     if crs == LOCAL:
         yield from _local_problems(toml)
-        return
-    if not is_text(heights) or heights == "ellipsoidal":
-        return
-    expected = "must be 'ellipsoidal', a geoid grid in the flight, a vertical CRS, or a number"
-    inside = toml.folder.resolve()
-    path, wrong = named_file(inside, inside, str(heights))
-    hint = did_you_mean(str(heights), ["ellipsoidal"])
-    if path is None and not hint and not is_code_or_wkt(str(heights)):
-        yield toml.problem(("heights",), f"{quoted(heights)} {wrong}", expected)
-        return
-    try:
-        _grid_of(toml)
-    except ValueError as error:
-        reason = " ".join(str(error.__cause__ or error).split())
-        if path is not None and type(error.__cause__) is ProjError:
-            reason = "PROJ cannot read it as a geoid grid"
-        fault = f"{quoted(heights)} cannot be used{hint or f' ({reason[:MOST_REASON]})'}"
-        yield toml.problem(("heights",), fault, expected)
+    elif is_text(heights) and heights != "ellipsoidal":
+        expected = "must be 'ellipsoidal', a geoid grid in the flight, a vertical CRS, or a number"
+        path, wrong = _grid_file(toml)
+        hint = did_you_mean(heights, ["ellipsoidal"])
+        if path is None and not hint and not is_code_or_wkt(str(heights)):
+            yield toml.problem(("heights",), f"{quoted(heights)} {wrong}", expected)
+            return
+        try:
+            _grid_of(toml)
+        except ValueError as error:
+            reason = " ".join(str(error.__cause__ or error).split())[:MOST_REASON]
+            if path is not None and type(error.__cause__) is ProjError:
+                reason = "PROJ cannot read it as a geoid grid"
+            fault = f"{quoted(heights)} cannot be used{hint or f' ({reason})'}"
+            yield toml.problem(("heights",), fault, expected)
 
 
 def _local_problems(toml: Toml) -> Iterator[Problem]:
@@ -146,11 +142,8 @@ def _local_problems(toml: Toml) -> Iterator[Problem]:
 
 
 def _whole_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
-    n = len(toml.table(*keys))
-    if n == 0:
+    if not toml.get(*keys):
         yield toml.problem(keys, "no cameras", "must hold one table per camera")
-    if n > MOST_CAMERAS:
-        yield toml.problem(keys, f"{n} cameras", f"must be at most {MOST_CAMERAS}")
 
 
 def _sigma_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
@@ -181,36 +174,29 @@ def _lens_problems(toml: Toml, keys: tuple[str, ...]) -> Iterator[Problem]:
 
 def _synthetic_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
     """Yield unknown or repeated names of the synthetic camera and its heads."""
-    cameras, camera, heads = (
-        toml.table("cameras"),
-        toml.get(*keys, "camera"),
-        toml.get(*keys, "heads"),
-    )
-    if "camera" in toml.table(*keys) and (not isinstance(camera, str) or camera not in cameras):
-        yield _unknown_camera(toml, (*keys, "camera"), camera)
-    if "heads" in toml.table(*keys) and (not isinstance(heads, list) or not heads):
+    table, cameras = toml.table(*keys), toml.table("cameras")
+    camera, heads = table.get("camera"), table.get("heads")
+    listed = [("camera", camera)] if "camera" in table else []
+    if "heads" in table and (not isinstance(heads, list) or not heads):
         yield toml.problem((*keys, "heads"), quoted(heads), "must be a list of cameras")
-        return
-    seen = {camera} if isinstance(camera, str) else set()
-    for n, head in enumerate((heads or [])[:MOST_CAMERAS]):
-        if not isinstance(head, str) or head not in cameras:
-            yield _unknown_camera(toml, (*keys, "heads"), head, hints=n < SHOWN)
-        elif head in seen:
-            yield toml.problem((*keys, "heads"), f"{quoted(head)} again", "every camera once")
+    elif heads:
+        listed += [("heads", head) for head in heads]
+    seen = set()
+    for key, name in listed:
+        if not isinstance(name, str) or name not in cameras:
+            fault = f"{quoted(name)}{did_you_mean(name, cameras)}"
+            yield toml.problem((*keys, key), fault, "must be one of [cameras.…]")
+        elif name in seen:
+            yield toml.problem((*keys, key), f"{quoted(name)} again", "every camera once")
         else:
-            seen.add(head)
-
-
-def _unknown_camera(toml: Toml, keys: Keys, name: object, *, hints: bool = True) -> Problem:
-    hint = did_you_mean(name, toml.table("cameras")) if hints and isinstance(name, str) else ""
-    return toml.problem(keys, f"{quoted(name)}{hint}", "must be one of [cameras.…]")
+            seen.add(name)
 
 
 def _device_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
     """Yield cameras of a certificate that the flight does not have."""
     cameras, stated = toml.table("cameras"), toml.table(*keys, "cameras")
-    for n, name in enumerate(name for name in stated if name not in cameras):
-        fault = f"no camera of this name{did_you_mean(name, cameras) if n < SHOWN else ''}"
+    for name in stated.keys() - cameras.keys():
+        fault = f"no camera of this name{did_you_mean(name, cameras)}"
         yield toml.problem((*keys, "cameras", name), fault, "must be one of [cameras.…]")
 
 
@@ -374,19 +360,16 @@ class Certificate:
 
 def _grid_of(toml: Toml) -> GridSystem:
     """Return the CRS and the heights; a geoid grid has its full path."""
-    return grid_system(toml.values["crs"], _heights(toml))
-
-
-def _heights(toml: Toml) -> str | float:
-    """Return the heights for the grid system: a file has its full path."""
     heights = toml.values.get("heights", "ellipsoidal")
-    if not isinstance(heights, str):
-        return float(heights)
-    if heights == "ellipsoidal":
-        return heights
+    if isinstance(heights, str) and heights != "ellipsoidal":
+        heights = str(_grid_file(toml)[0] or heights)
+    return grid_system(toml.values["crs"], heights if isinstance(heights, str) else float(heights))
+
+
+def _grid_file(toml: Toml) -> tuple[Path | None, str]:
+    """Return the file that `heights` names, or None and the fault of its name."""
     inside = toml.folder.resolve()
-    path, _ = named_file(inside, inside, heights)
-    return str(path) if path is not None else heights
+    return named_file(inside, inside, str(toml.values["heights"]))
 
 
 FLIGHT = Table(
@@ -530,54 +513,39 @@ class Setup:
 
 def setup_of(toml: Toml) -> Setup:
     """Build the setup from a flight.toml without problems."""
-    synthetic = toml.table("synthetic")
-    mounting = toml.table("stages", "mounting")
-    estimated = {
+    mounting, grid = toml.table("stages", "mounting"), _grid_of(toml)
+    estimate = {
         stage: tuple(ESTIMABLE[name] for name in toml.table("stages", stage).get("estimate", names))
         for stage, names in ESTIMATED.items()
     }
-    grid, apriori = _grid_of(toml), toml.table("apriori")
-    unobserved = UNOBSERVED if grid.is_local else {}
+    apriori = UNOBSERVED if grid.is_local else {}
+    apriori = apriori | {key: float(value) for key, value in toml.table("apriori").items()}
+    angle = toml.table("adjustment").get("smallest_angle_deg")
+    synthetic, session = toml.table("synthetic"), toml.table("session")
+    date, celsius = session.get("date"), session.get("temperature_c", np.nan)
+    stated = toml.table("certificate")
+    devices = {name: Device(**device) for name, device in stated.get("cameras", {}).items()}
+    lever = tuple(map(float, stated.get("antenna_lever_m", ())))
     return Setup(
         name=toml.values["name"],
         grid=grid,
         refraction=toml.values.get("refraction", "none"),
         simulated=toml.values.get("simulated", False),
         cameras={name: camera_of(name, table) for name, table in toml.table("cameras").items()},
-        synthetic=_synthetic_of(synthetic) if synthetic else None,
-        apriori=Apriori(**unobserved | {key: float(value) for key, value in apriori.items()}),
-        smallest_angle=_smallest_angle(toml),
-        estimate_heads=estimated["heads"],
-        estimate_mounting=estimated["mounting"],
+        synthetic=Synthetic(**synthetic | {"heads": (*synthetic["heads"],)}) if synthetic else None,
+        apriori=Apriori(**apriori),
+        smallest_angle=SMALLEST_ANGLE if angle is None else float(np.radians(float(angle))),
+        estimate_heads=estimate["heads"],
+        estimate_mounting=estimate["mounting"],
         fix=tuple(mounting.get("fix", ())),
         gnss=(*mounting.get("gnss", ()), *mounting.get("attitude", ())),
         weights=mounting.get("weights", "given"),
-        certificate=_certificate_of(toml.table("certificate")),
-        session=_session_of(toml.table("session")),
+        certificate=Certificate(**{**stated, "antenna_lever_m": lever, "cameras": devices}),
+        session=Session(
+            date=date.date() if isinstance(date, dt.datetime) else date,
+            temperature_c=float(celsius),
+        ),
     )
-
-
-def _session_of(table: dict[str, Any]) -> Session:
-    date, celsius = table.get("date"), float(table.get("temperature_c", np.nan))
-    return Session(
-        date=date.date() if isinstance(date, dt.datetime) else date, temperature_c=celsius
-    )
-
-
-def _certificate_of(table: dict[str, Any]) -> Certificate:
-    cameras = {name: Device(**device) for name, device in table.get("cameras", {}).items()}
-    lever = tuple(map(float, table.get("antenna_lever_m", ())))
-    return Certificate(**{**table, "antenna_lever_m": lever, "cameras": cameras})
-
-
-def _smallest_angle(toml: Toml) -> float:
-    degrees = toml.table("adjustment").get("smallest_angle_deg")
-    return SMALLEST_ANGLE if degrees is None else float(np.radians(float(degrees)))
-
-
-def _synthetic_of(table: dict[str, Any]) -> Synthetic:
-    measured_in = table.get("measured_in", "synthetic")
-    return Synthetic(camera=table["camera"], heads=tuple(table["heads"]), measured_in=measured_in)
 
 
 def camera_table(camera: Camera) -> dict[str, Any]:

@@ -1,36 +1,37 @@
-"""Read tables, first as text, so that every problem has its file, line and column."""
+"""Read tables by pandas, or take them from memory; every problem has its file, line and column."""
 
 from __future__ import annotations
 
+import csv
 import hashlib
-import os
+import io
 import stat
+from array import array
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol, overload
+from typing import Any, Protocol
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from acx4files.flight.problems import NO_ROWS, SHOWN, Problem, Range, counted, did_you_mean, quoted
-from acx4files.flight.tables import (
-    LONGEST_NUMBER,
-    MOST_COLUMNS,
-    Rows,
-    Schema,
-    Table,
-    faulty,
-    form_of,
-    numbers_of,
-    read_header,
-    read_rows,
+from acx4files.flight.problems import (
+    ABSENT,
+    NO_ROWS,
+    QUOTED,
+    SHOWN,
+    Problem,
+    Range,
+    counted,
+    did_you_mean,
+    quoted,
 )
-from acx4files.opening import opened
+from acx4files.flight.tables import Schema, Table, faulty, form_of, numbers_of
 from acx4lib import system
-from acx4lib.expected import Array, Index, Mask, given
+from acx4lib.expected import Array, given
 
 NO_END = "the last line has no line end; was the file cut off?"
 
@@ -48,75 +49,101 @@ def read_columns(
 
     Parameters
     ----------
-    path, file, needed_by
-        As in `read_table`, but the file may have any name.
+    path : Path
+    file, needed_by
+        As in `read_text`.
     schema : Schema
     most : int, optional
-        Largest size in bytes; by default what the free memory allows.
+        Largest size in bytes.
     as_written : callable, optional
         Takes the text of the file, and returns it as a table of commas and decimal points, line
         by line.
     """
-    whole, sha256, problems = read_text(path, file, needed_by=needed_by, most=most)
-    whole = as_written(whole)
-    cells, problems = ([], problems) if problems else read_header(whole, file)
-    header = [name.strip() for name in cells]
-    problems = problems or _no_header(whole, header, file)
+    text, sha256, problems = read_text(path, file, needed_by=needed_by, most=most)
     if problems:
         return Table(file=file, problems=problems)
-    wrong = _header_problems(file, header, schema)
-    if wrong and not set(header) & set(schema.required):
-        return Table(file=file, problems=wrong)
-    if len(header) > MOST_COLUMNS:
-        return Table(file=file, problems=wrong)
+    text = as_written(text).replace("\r\n", "\n").replace("\r", "\n")
+    header, lines, widths, problems = _shape(text, file)
+    problems = problems or tuple(_header_problems(file, header, schema))
     wanted = {name: header.index(name) for name in schema.known if name in header}
-    names = wanted.keys() - schema.ranges.keys()
-    rows, problems = read_rows(whole, file, width=len(header), wanted=wanted, names=names)
-    if problems:
-        return Table(file=file, problems=problems)
-    table, n_blank = _of_rows(file, rows, schema), rows.blank_at_end
+    if problems and not wanted.keys() & set(schema.required):
+        return Table(file=file, problems=problems, whole=False)
+    used = len(widths) - next((k for k, width in enumerate(reversed(widths)) if width), len(widths))
+    whole = np.array(widths[:used], dtype=np.int64) == len(header)
+    cells = _cells_of(text, wanted, whole, len(widths) - used)
+    table = Table(file=file, lines=np.array(lines[:used], dtype=np.int64)[whole], sha256=sha256)
+    notes = [*_extra_notes(file, header, schema)]
+    if blank := len(widths) - used:
+        notes.append(f"{file}: {blank} blank line{'s' * (blank > 1)} at the end")
+    notes += [] if text.endswith("\n") else [f"{file}: {NO_END}"]
+    problems += tuple(_width_problems(file, lines, widths[:used], len(header)))
     return replace(
-        table,
-        sha256=sha256,
-        problems=(*wrong, *_row_problems(table, rows, schema)),
-        notes=(
-            *_extra_notes(file, header, schema),
-            *([f"{file}: {n_blank} blank line{'s' * (n_blank > 1)} at the end"] if n_blank else []),
-            *([] if whole.endswith(("\n", "\r")) else [f"{file}: {NO_END}"]),
-        ),
+        _checked(replace(table, problems=problems, notes=tuple(notes)), cells, schema),
+        whole=bool(whole.all()),
     )
 
 
-def _header_problems(file: str, header: Sequence[str], schema: Schema) -> tuple[Problem, ...]:
-    """Return the problems of the columns of a table."""
-    whole = _whole_problem(header, schema)
-    if whole:
-        fault, expected = whole
-        return (Problem(file=file, line=1, column="header", found=fault, expected=expected),)
-    return tuple(_column_problems(file, header, schema))
+def _shape(
+    text: str, file: str
+) -> tuple[list[str], Sequence[int], Sequence[int], tuple[Problem, ...]]:
+    """Return the header, line and number of cells of every row under it, and what is no table.
+
+    A row of blank cells has none. pandas would take the first column for an index where every
+    row has one cell more than the header, and says nothing.
+    """
+    lines, widths = array("q"), array("q")
+    reader, line, header = csv.reader(io.StringIO(text, newline=""), strict=True), 1, [""]
+    try:
+        header = [name.strip() for name in next(reader, [])]
+        line = reader.line_num + 1
+        for row in reader:
+            lines.append(line)
+            widths.append(len(row) if any(row) and any(map(str.strip, row)) else 0)
+            line = reader.line_num + 1
+    except csv.Error as error:
+        fault = f"cannot be read as a table ({error})"
+        expected = "must be comma-separated values, quotes closed"
+    else:
+        if any(header):
+            return header, lines, widths, ()
+        fault = "begins with a blank line" if text.strip("\r\n\t ,") else "is empty"
+        expected = "needs a header"
+    problem = Problem(file=file, line=line, column="file", found=fault, expected=expected)
+    return [""], (), (), (replace(problem, line=1 if expected == "needs a header" else line),)
 
 
-def _whole_problem(header: Sequence[str], schema: Schema) -> tuple[str, str] | None:
-    """Return the fault of a header that is no list of columns, and the expected form; or None."""
-    name, *others = header
-    if len(others) >= MOST_COLUMNS:
-        return f"has {len(header)} columns", f"must have at most {MOST_COLUMNS}"
-    separators = {";": "semicolons", "\t": "tabs"}
-    if set(name.split(" ")) & set(schema.known):
-        separators[" "] = "spaces"
-    used = [label for separator, label in separators.items() if separator in name]
-    if others or not used:
-        return None
-    return (
-        f"is separated by {used[0]}",
-        "must be separated by commas, numbers with decimal points",
+def _cells_of(
+    text: str, wanted: Mapping[str, int], whole: NDArray[np.bool_], n_blank: int
+) -> dict[str, list[str]]:
+    """Return the cells of the wanted columns, of the rows as wide as the header."""
+    if not whole.any() or not wanted:
+        return {name: [] for name in wanted}
+    frame = pd.read_csv(
+        io.StringIO(text, newline=""),
+        header=None,
+        skiprows=[
+            0,
+            *(np.flatnonzero(~whole) + 1),
+            *range(len(whole) + 1, len(whole) + n_blank + 1),
+        ],
+        usecols=sorted(wanted.values()),
+        dtype=object,
+        na_filter=False,
+        skip_blank_lines=False,
     )
+    return {name: frame[k].tolist() for name, k in wanted.items()}
 
 
-def _column_problems(file: str, header: Sequence[str], schema: Schema) -> Iterator[Problem]:
+def _header_problems(file: str, header: Sequence[str], schema: Schema) -> Iterator[Problem]:
+    """Yield the problems of the columns of a table."""
+
     def wrong(column: str, fault: str, expected: str) -> Problem:
         return Problem(file=file, line=1, column=column, found=fault, expected=expected)
 
+    if len(header) == 1 and (separator := _separator(header[0], schema)):
+        cure = "must be separated by commas, numbers with decimal points"
+        yield wrong("header", f"is separated by {separator}", cure)
+        return
     for name, count in Counter(header).items():
         if count > 1 and name in schema.known:
             yield wrong(name, f"stands {count} times in the header", "every column once")
@@ -126,22 +153,23 @@ def _column_problems(file: str, header: Sequence[str], schema: Schema) -> Iterat
         both = [", ".join(name for name in named if name in form) for form in begun]
         yield wrong(both[0], f"beside {both[1]}", "one form of trajectory in one file")
         return
-    form = begun[0] if begun else ()
     if schema.forms and not begun:
         either = " or ".join(", ".join(form) for form in schema.forms)
         yield wrong("position and attitude", "missing in the header", f"must be {either}")
-    for name in (*schema.required, *form):
-        if name not in named:
-            hint = _hint(name, named, schema)
-            yield wrong(name, f"missing in the header{hint}", "required")
+    unknown = [other for other in named if other not in schema.known]
+    required = (*schema.required, *(name for form in begun for name in form))
+    for name in (name for name in required if name not in named):
+        lower = [other for other in unknown if other.lower() == name]
+        near = did_you_mean(name, unknown).replace("did you mean", "is it")
+        hint = f" (is it {lower[0]!r}?)" if lower else near
+        yield wrong(name, f"missing in the header{hint}", "required")
 
 
-def _hint(name: str, header: Sequence[str], schema: Schema) -> str:
-    unknown = [other for other in header if other not in schema.known]
-    lower = {other.lower(): other for other in unknown}
-    if name in lower:
-        return f" (is it {lower[name]!r}?)"
-    return did_you_mean(name, unknown).replace("did you mean", "is it")
+def _separator(line: str, schema: Schema) -> str:
+    """Return what separates columns in place of commas, "" for nothing known."""
+    spaces = " " if set(line.split(" ")) & set(schema.known) else "\0"
+    kinds = {";": "semicolons", "\t": "tabs", spaces: "spaces"}
+    return next((name for separator, name in kinds.items() if separator in line), "")
 
 
 def _extra_notes(file: str, header: Sequence[str], schema: Schema) -> Iterator[str]:
@@ -153,157 +181,104 @@ def _extra_notes(file: str, header: Sequence[str], schema: Schema) -> Iterator[s
         yield f"{file}: {len(extra) - SHOWN} more columns are not read"
 
 
-def _no_header(text: str, header: list[str], file: str) -> tuple[Problem, ...]:
-    if any(header):
-        return ()
-    fault = "begins with a blank line" if text.strip("\r\n\t ,") else "is empty"
-    return (Problem(file=file, line=1, column="file", found=fault, expected="needs a header"),)
-
-
-def _of_rows(file: str, rows: Rows, schema: Schema) -> Table:
-    text = {name: tuple(cells) for name, cells in rows.columns.items()}
-    return Table(
-        file=file,
-        lines=np.array(rows.lines, dtype=np.int64),
-        text=text,
-        numbers={n: numbers_of(cells) for n, cells in text.items() if n in schema.ranges},
-    )
-
-
-def _row_problems(table: Table, rows: Rows, schema: Schema) -> Iterator[Problem]:
-    if schema.rows and not len(table) and not rows.blank:
-        yield table.problem(0, "file", NO_ROWS, "at least one row under the header")
-    yield from _width_problems(table.file, rows)
-    yield from _cell_problems(table, schema, _whole_rows(rows))
-
-
-def _width_problems(file: str, rows: Rows) -> Iterator[Problem]:
+def _width_problems(
+    file: str, lines: Sequence[int], widths: Sequence[int], n: int
+) -> Iterator[Problem]:
     """Yield blank lines between others, and rows of another width than the header."""
-    expected = f"as many as the header: {rows.width}"
 
-    def wrong(line: int, fault: str) -> Problem:
-        return Problem(file=file, line=line, column="row", found=fault, expected=expected)
+    def wrong(k: int) -> Problem:
+        hint = "cut off?" if widths[k] < n else "a decimal comma?"
+        fault = f"has {widths[k]} cells ({hint})" if widths[k] else "is blank"
+        expected = f"as many as the header: {n}"
+        return Problem(file=file, line=lines[k], column="row", found=fault, expected=expected)
 
-    def ragged(k: int) -> Problem:
-        row, n = rows.ragged[k], rows.n_cells[k]
-        hint = "cut off?" if n < rows.width else "a decimal comma?"
-        return wrong(rows.lines[row], f"has {n} cells ({hint})")
-
-    yield from counted(rows.blank, lambda line: wrong(line, "is blank"))
-    yield from counted(range(len(rows.ragged)), ragged)
+    yield from counted([k for k, width in enumerate(widths) if width != n], wrong)
 
 
-def _whole_rows(rows: Rows) -> Mask:
-    """Tell which rows were as wide as the header, shape (n,)."""
-    whole = np.ones(len(rows.lines), dtype=bool)
-    whole[np.array(rows.ragged, dtype=np.intp)] = False
-    return whole
+# --- The cells of a table, from a file or from memory
 
 
-def _cell_problems(table: Table, schema: Schema, whole: Mask) -> Iterator[Problem]:
-    """Yield the problems of the cells of a table."""
-    for name, texts in table.text.items():
-        if name in schema.ranges:
-            yield from _number_problems(table, name, schema.ranges[name], whole)
-        else:
-            yield from _name_problems(table, name, texts, schema, whole)
+def _checked(table: Table, cells: Mapping[str, Any], schema: Schema) -> Table:
+    """Return a table with its names and numbers, and their problems."""
+    numbers = {name: _numbers(cells[name]) for name in cells if name in schema.ranges}
+    text = {name: tuple(cells[name]) for name in cells if name not in schema.ranges}
+    table = replace(table, text=text, numbers=numbers)
+    problems = [*table.problems]
+    if schema.rows and not len(table) and not problems:
+        whole = "table" if table.in_memory else "file"
+        problem = table.problem(0, whole, NO_ROWS, "at least one row under the header")
+        problems.append(replace(problem, line=-1) if table.in_memory else problem)
+    for name, values in numbers.items():
+        problems += _number_problems(table, name, cells[name], values, schema.ranges[name])
+    for name, names in text.items():
+        problems += _name_problems(table, name, names, may_be_empty=name in schema.may_be_empty)
     for key in schema.keys:
-        yield from _repeated(table, key)
+        problems += _repeated(table, key)
+    return replace(table, problems=tuple(problems))
 
 
-def _number_problems(table: Table, name: str, allowed: Range, whole: Mask) -> Iterator[Problem]:
-    values, cells = table.numbers[name], table.text[name]
-    finite = np.isfinite(values)
-    good = finite & (values >= allowed.low) & (values <= allowed.high)
+def _number_problems(
+    table: Table, name: str, cells: Sequence[Any], values: Array, allowed: Range
+) -> Iterator[Problem]:
+    finite, lon = np.isfinite(values), table.numbers.get("lon_deg")
+    good = (values >= allowed.low) & (values <= allowed.high)
+    if table.in_memory and name.startswith("sigma"):
+        good |= np.isposinf(values)  # not known
+        finite |= np.isposinf(values)
 
     def outside(row: int) -> Problem:
-        fault = _shortened(cells[row].strip()) + _range_hint(table, name, row)
-        return table.problem(row, name, fault, str(allowed))
+        swapped = name == "lat_deg" and lon is not None and abs(lon[row]) <= 90
+        hint = " (latitude and longitude swapped?)" if swapped else ""
+        return table.problem(row, name, _shown(cells[row]).strip()[:QUOTED] + hint, str(allowed))
 
     def none(row: int) -> Problem:
-        cell = cells[row]
+        cell = _shown(cells[row])
         fault = f"{quoted(cell)}{form_of(cell)}" if cell.strip() else "is empty"
         point = "" if table.in_memory else ", decimal point"
         return table.problem(row, name, fault, f"must be a finite number{point}")
 
-    yield from counted(np.flatnonzero(whole & finite & ~good), outside)
-    yield from counted(np.flatnonzero(whole & ~finite), none)
-    if not table.in_memory and max(map(len, cells), default=0) > LONGEST_NUMBER:
-        long = [row for row, cell in enumerate(cells) if len(cell) > LONGEST_NUMBER and good[row]]
-        expected = f"must be a number of at most {LONGEST_NUMBER} characters"
-        yield from counted(
-            long,
-            lambda row: table.problem(row, name, f"has {len(cells[row])} characters", expected),
-        )
-
-
-def _shortened(cell: str) -> str:
-    return cell if len(cell) <= LONGEST_NUMBER else f"{cell[:LONGEST_NUMBER]}…"
-
-
-def _range_hint(table: Table, name: str, row: int) -> str:
-    lon = table.numbers.get("lon_deg")
-    if name == "lat_deg" and lon is not None and abs(lon[row]) <= 90:
-        return " (latitude and longitude swapped?)"
-    return ""
+    yield from counted(np.flatnonzero(finite & ~good), outside)
+    yield from counted(np.flatnonzero(~finite), none)
 
 
 def _name_problems(
-    table: Table, name: str, texts: Sequence[str], schema: Schema, whole: Mask
+    table: Table, name: str, names: Sequence[str], *, may_be_empty: bool
 ) -> Iterator[Problem]:
-    names = set(texts)
-    faults = faulty(names)
-    if name not in schema.may_be_empty:
-        faults |= {cell: ("is empty", "must be a name") for cell in names if not cell.strip()}
-    if not faults:
-        return
-    kinds: dict[str, list[int]] = {}
-    for row, cell in enumerate(texts):
-        if cell in faults and (cell or whole[row]):
-            kinds.setdefault(faults[cell][1], []).append(row)
-    for expected, rows in kinds.items():
-        yield from counted(rows, _faulty_name(table, name, faults, expected))
-
-
-def _faulty_name(
-    table: Table, name: str, faults: dict[str, tuple[str, str]], expected: str
-) -> Callable[[int], Problem]:
-    """Return a function that describes a row with a faulty name."""
-    return lambda row: table.problem(row, name, faults[table.text[name][row]][0], expected)
+    faults = faulty(set(names))
+    if not may_be_empty:
+        faults |= {cell: ("is empty", "must be a name") for cell in set(names) if not cell.strip()}
+    for expected in dict.fromkeys(expected for _, expected in faults.values()):
+        alike = {cell: fault for cell, (fault, other) in faults.items() if other == expected}
+        yield from counted(
+            [row for row, cell in enumerate(names) if cell in alike],
+            lambda row, alike=alike, expected=expected: table.problem(  # type: ignore[misc]
+                row, name, alike[names[row]], expected
+            ),
+        )
 
 
 def _repeated(table: Table, key: tuple[str, ...]) -> Iterator[Problem]:
     """Yield rows whose names occur in an earlier row."""
-    if not all(name in table.text for name in key):
+    if not set(key) <= table.text.keys():
         return
-    columns = [table.text[name] for name in key]
-    first = _first_alike(columns)
-    again = first != np.arange(len(first))
+    names = pd.DataFrame({name: pd.Series(table.text[name], dtype=object) for name in key})
+    again = names.duplicated() & (names != "").all(axis=1)
     if not again.any():
         return
-    for cells in columns:
-        again &= np.fromiter(map(bool, cells), dtype=bool, count=len(cells))
+    first: dict[tuple[str, ...], int] = {}
+    for row, cells in enumerate(names.itertuples(index=False, name=None)):
+        first.setdefault(cells, row)
 
     def problem(row: int) -> Problem:
-        listed = ", ".join(quoted(cells[row]) for cells in columns)
-        fault = f"{listed} stands in {table.counts} {table.lines[first[row]]} already"
+        cells = tuple(names.iloc[row])
+        earlier = f"{table.counts} {table.lines[first[cells]]}"
+        fault = f"{', '.join(map(quoted, cells))} stands in {earlier} already"
         return table.problem(row, ", ".join(key), fault, f"every {' and '.join(key)} once")
 
     yield from counted(np.flatnonzero(again), problem)
 
 
-def _first_alike(columns: Sequence[Sequence[str]]) -> Index:
-    """Return for every row the first row with the same names."""
-    code = np.zeros(len(columns[0]), dtype=np.int64)
-    for cells in columns:
-        index = {name: i for i, name in enumerate(dict.fromkeys(cells))}
-        name_idx = np.fromiter(map(index.__getitem__, cells), dtype=np.int64, count=len(cells))
-        code = code * max(len(index), 1) + name_idx
-    _, first, inverse = np.unique(code, return_index=True, return_inverse=True)
-    return first[inverse]
-
-
-# --- The bytes of a flight's files: opened once, checked, and read if they fit into memory
+# --- The bytes of a flight's files
 
 
 SMALL = 10_000_000
@@ -313,7 +288,7 @@ DEEPEST = 10
 """Largest number of folders in the name of a file."""
 
 EXPANSION = 25
-"""Memory needed to read and check a table, as a multiple of the size of its file."""
+"""Memory needed to read and check a file, as a multiple of its size."""
 
 
 def read_bytes(
@@ -329,29 +304,24 @@ def read_bytes(
     needed_by : str
         For the message if the file is missing.
     most : int, optional
-        Largest size in bytes; by default what the free memory allows.
+        Largest size in bytes.
     """
-
-    def wrong(fault: str, expected: str) -> tuple[bytes, tuple[Problem, ...]]:
-        problem = Problem(file=file, line=1, column="file", found=fault, expected=expected)
-        return b"", (problem,)
-
+    expected = "must be a readable file"
     try:
-        size, content = _content(path, most)
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode) and not stat.S_ISDIR(status.st_mode):
+            fault = "cannot be read (no regular file)"  # reading a pipe may never end
+        elif most is not None and status.st_size > most:
+            fault, expected = f"has {status.st_size} bytes", f"must have at most {most} bytes"
+        else:
+            return path.read_bytes() if status.st_size else b"", ()  # /proc may never end
     except FileNotFoundError:
+        fault, expected = ABSENT, f"{needed_by} needs it"
         if path.is_symlink():
-            return wrong("is a link to nothing", "must be a readable file")
-        return wrong("is not there", f"{needed_by} needs it")
+            fault, expected = "is a link to nothing", "must be a readable file"
     except (OSError, ValueError) as error:  # ValueError: a name that no file can have
-        reason = getattr(error, "strerror", None) or error
-        return wrong(f"cannot be read ({reason})", "must be a readable file")
-    if content is None:
-        allowed = f"must have at most {most} bytes" if most else "must fit into free memory"
-        needs = "" if most else f", reading it takes {EXPANSION} times as much memory"
-        return wrong(f"has {size} bytes{needs}", allowed)
-    if len(content) != size:
-        return wrong("changed while it was read", "must be complete before it is read")
-    return content, ()
+        fault = f"cannot be read ({getattr(error, 'strerror', None) or error})"
+    return b"", (Problem(file=file, line=1, column="file", found=fault, expected=expected),)
 
 
 def read_text(
@@ -363,17 +333,15 @@ def read_text(
         return "", "", problems
     try:
         text = content.decode("utf-8-sig")
+        if "\0" not in text:
+            return text, hashlib.sha256(content).hexdigest(), ()
+        offset, fault = content.index(b"\0"), "holds a null character"
     except UnicodeDecodeError as error:
         offset, fault = error.start, f"byte 0x{content[error.start]:02x} is not UTF-8"
         fault += " (UTF-16?)" if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else ""
-    else:
-        offset, fault = content.find(b"\0"), "holds a null character"
-        if offset < 0:
-            return text, hashlib.sha256(content).hexdigest(), ()
     line = content.count(b"\n", 0, offset) + 1
     expected = "must be UTF-8 text"
-    problem = Problem(file=file, line=line, column="file", found=fault, expected=expected)
-    return "", "", (problem,)
+    return "", "", (Problem(file=file, line=line, column="file", found=fault, expected=expected),)
 
 
 def named_file(flight: Path, folder: Path, name: str) -> tuple[Path | None, str]:
@@ -389,29 +357,17 @@ def named_file(flight: Path, folder: Path, name: str) -> tuple[Path | None, str]
     """
     if name.count("/") > DEEPEST:
         return None, f"has more than {DEEPEST} folders"
-    path = f"{folder}/{name}" if name[:1] != "/" else name
     try:
-        mode: int | None = os.stat(path).st_mode  # noqa: PTH116 a path of each of 100 000 names is slow
-        path = os.path.realpath(path)
-    except FileNotFoundError:
-        mode, path = None, os.path.normpath(path)
+        path = Path(folder, name)
+        there, path = path.exists(), path.resolve()
     except (OSError, RuntimeError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         return None, f"is no file name that can be used ({str(reason).splitlines()[0]})"
-    if not path.startswith(f"{flight}/"):
+    if flight not in path.parents:
         return None, "lies outside the flight"
-    if mode is None:
-        return None, "is not there"
-    return (Path(path), "") if stat.S_ISREG(mode) else (None, "is no regular file")
-
-
-def _content(path: Path, most: int | None) -> tuple[int, bytes | None]:
-    """Return size and content of a regular file; no content where it is too large."""
-    with opened(path) as file:
-        size = os.fstat(file.fileno()).st_size
-        if size > most if most else not fits(size):
-            return size, None
-        return size, file.read(size + 1) if size else b""  # reading one of /proc may never end
+    if not there:
+        return None, ABSENT
+    return (path, "") if path.is_file() else (None, "is no regular file")
 
 
 def fits(size: int) -> bool:
@@ -465,28 +421,6 @@ Columns = Mapping[str, Any] | Frame
 """A table in memory: arrays or lists by the names of their columns, or a DataFrame."""
 
 
-class _Written(Sequence[str]):
-    """The cells of a numeric column as text, formatted on demand."""
-
-    def __init__(self, values: NDArray[Any]) -> None:
-        self._values = values
-
-    def __len__(self) -> int:
-        """Count the cells."""
-        return len(self._values)
-
-    @overload
-    def __getitem__(self, row: int) -> str: ...
-    @overload
-    def __getitem__(self, row: slice) -> Sequence[str]: ...
-    def __getitem__(self, row: int | slice) -> str | Sequence[str]:
-        """Return a cell, or some of them."""
-        if isinstance(row, slice):
-            return _Written(self._values[row])
-        value = self._values[row]
-        return "" if _is_missing(value) else str(value)
-
-
 def table_in_memory(columns: Columns, name: str, schema: Schema) -> Table:
     """Build a table from columns; its `problems` list the errors.
 
@@ -500,83 +434,56 @@ def table_in_memory(columns: Columns, name: str, schema: Schema) -> Table:
         Schema of the file that it replaces, without `PICTURES`.
     """
     schema = replace(schema, optional=tuple(c for c in schema.optional if c not in PICTURES))
-    table = Table(file=name, in_memory=True)
     names = columns if isinstance(columns, Mapping) else getattr(columns, "columns", None)
+    wrong = Problem(file=name, line=-1, column="table", found="", expected="", in_memory=True)
     if names is None:
-        expected = "must be a DataFrame, or a dict of arrays"
-        return replace(table, problems=(_whole(name, "table", f"is {given(columns)}", expected),))
+        fault, cure = f"is {given(columns)}", "must be a DataFrame, or a dict of arrays"
+        return Table(file=name, problems=(replace(wrong, found=fault, expected=cure),))
     header = [str(column) for column in names] or [""]
-    wrong = tuple(
-        replace(problem, line=-1, in_memory=True)
-        for problem in _header_problems(name, header, schema)
-    )
-    cells = {c: _cells(columns[c]) for c in dict.fromkeys(names) if c in schema.known}
-    misshapen = tuple(_shape_problems(name, cells))
-    if wrong or misshapen:
-        return replace(table, problems=(*wrong, *misshapen))
-    notes = tuple(_extra_notes(name, header, schema))
-    return _checked(replace(table, notes=notes), cells, schema)
-
-
-def _cells(column: Any) -> NDArray[Any]:
-    """Return a column as an array; a list keeps the types of its cells."""
-    return np.asarray(column, dtype=object if isinstance(column, list | tuple) else None)
-
-
-def _whole(name: str, column: str, fault: str, expected: str) -> Problem:
-    return Problem(
-        file=name, line=-1, column=column, found=fault, expected=expected, in_memory=True
-    )
-
-
-def _shape_problems(name: str, columns: Mapping[str, NDArray[Any]]) -> Iterator[Problem]:
-    """Yield columns that are not one-dimensional, or shorter than the longest."""
-    n = max((len(cells) for cells in columns.values() if cells.ndim == 1), default=0)
-    longest = next((c for c, cells in columns.items() if cells.shape == (n,)), "")
-    for column, cells in columns.items():
-        if cells.ndim == 0:
-            expected = f"must be one for each row: np.full({n}, {cells.item()!r})"
-            yield _whole(name, column, f"the single value {cells.item()!r}", expected)
-        elif cells.ndim > 1:
-            expected = f"must be one value for each row, shape ({n},)"
-            yield _whole(name, column, f"an array of shape {cells.shape}", expected)
-        elif len(cells) != n:
-            yield _whole(name, column, f"{len(cells)} values", f"must be {n}, as {longest} has")
-
-
-def _checked(table: Table, columns: Mapping[str, NDArray[Any]], schema: Schema) -> Table:
-    """Return the table with its cells and their problems."""
-    n = len(next(iter(columns.values())))
-    text: dict[str, Sequence[str]] = {}
-    numbers: dict[str, Array] = {}
-    no_names: list[Problem] = []
-    table = replace(table, lines=np.arange(n))
-    for column, cells in columns.items():
-        if column in schema.ranges:
-            numbers[column], text[column] = _numbers(cells), _Written(cells)
-        else:
-            text[column], wrong = _names(cells)
-            no_names += counted(wrong, _no_name(table, column, cells))
-    if no_names:
-        return replace(table, problems=tuple(no_names))
-    table = replace(table, text=text, numbers=numbers)
-    problems = list(_cell_problems(_with_known(table), schema, np.ones(n, dtype=bool)))
-    if schema.rows and not n:
-        problems = [_whole(table.file, "table", NO_ROWS, "must have one at least")]
-    return replace(table, problems=tuple(problems), sha256=_checksum(table))
-
-
-def _with_known(table: Table) -> Table:
-    """Return the table with 1 for unknown (infinite) standard deviations."""
-    numbers = {
-        column: np.where(np.isposinf(values), 1.0, values) if column.startswith("sigma") else values
-        for column, values in table.numbers.items()
+    problems = [*_header_problems(name, header, schema)]
+    problems = [replace(problem, line=-1, in_memory=True) for problem in problems]
+    cells = {
+        c: np.asarray(columns[c], dtype=object if isinstance(columns[c], list | tuple) else None)
+        for c in dict.fromkeys(names)
+        if c in schema.known
     }
-    return replace(table, numbers=numbers)
+    n = max((len(values) for values in cells.values() if values.ndim == 1), default=0)
+    cure = f"must be one value for each row, shape ({n},)"
+    problems += [
+        replace(wrong, column=column, found=f"an array of shape {values.shape}", expected=cure)
+        for column, values in cells.items()
+        if values.shape != (n,)
+    ]
+    table = Table(
+        file=name, in_memory=True, lines=np.arange(n), notes=(*_extra_notes(name, header, schema),)
+    )
+    for column in [] if problems else [c for c in cells if c not in schema.ranges]:
+        text = [_name(value) for value in cells[column].tolist()]
+        problems += counted(
+            [row for row, value in enumerate(text) if value is None],
+            lambda row, column=column: table.problem(  # type: ignore[misc]
+                row,
+                column,
+                quoted(cells[column].tolist()[row]),
+                "must be a name: text, or a whole number",
+            ),
+        )
+        cells[column] = np.array(text, dtype=object)
+    if problems:
+        return replace(table, problems=tuple(problems), whole=False)
+    table = _checked(table, cells, schema)
+    sums = hashlib.sha256()
+    for column, values in (*table.text.items(), *table.numbers.items()):
+        sums.update(column.encode())
+        whole = values.tobytes() if isinstance(values, np.ndarray) else "\0".join(values).encode()
+        sums.update(whole)
+    return replace(table, sha256=sums.hexdigest())
 
 
-def _numbers(cells: NDArray[Any]) -> Array:
-    """Return cells as numbers; NaN for text and all other values."""
+def _numbers(cells: Sequence[Any] | NDArray[Any]) -> Array:
+    """Return cells as numbers; of a table in memory NaN for text and all that is no number."""
+    if not isinstance(cells, np.ndarray):
+        return numbers_of(cells)
     if cells.dtype.kind in "fiu":
         return cells.astype(float)
     return np.fromiter(map(_number, cells), dtype=float, count=len(cells))
@@ -591,19 +498,12 @@ def _number(value: object) -> float:
         return np.nan
 
 
-def _names(cells: NDArray[Any]) -> tuple[tuple[str, ...], list[int]]:
-    """Return cells as names, and the rows with neither text nor a whole number."""
-    values = cells.tolist()
-    if cells.dtype.kind in "iu":
-        return tuple(map(str, values)), []
-    empty = [_is_missing(cell) or (isinstance(cell, float) and np.isnan(cell)) for cell in values]
-    names = ["" if blank else str(cell) for blank, cell in zip(empty, values, strict=True)]
-    good = [blank or _is_name(cell) for blank, cell in zip(empty, values, strict=True)]
-    return tuple(names), np.flatnonzero(np.logical_not(good)).tolist()
-
-
-def _is_name(value: object) -> bool:
-    return isinstance(value, str | int | np.integer) and not isinstance(value, bool)
+def _name(value: object) -> str | None:
+    """Return a cell as a name, "" for a missing one, None where it can be no name."""
+    if _is_missing(value) or (isinstance(value, float) and np.isnan(value)):
+        return ""
+    is_name = isinstance(value, str | int | np.integer) and not isinstance(value, bool)
+    return str(value) if is_name else None
 
 
 def _is_missing(value: object) -> bool:
@@ -611,20 +511,6 @@ def _is_missing(value: object) -> bool:
     return value is None or type(value).__name__ in ("NAType", "NaTType")
 
 
-def _no_name(table: Table, column: str, cells: NDArray[Any]) -> Callable[[int], Problem]:
-    def problem(row: int) -> Problem:
-        fault = quoted(cells[row].item() if isinstance(cells[row], np.generic) else cells[row])
-        return table.problem(row, column, fault, "must be a name: text, or a whole number")
-
-    return problem
-
-
-def _checksum(table: Table) -> str:
-    """Return the SHA-256 of all cells."""
-    whole = hashlib.sha256()
-    for column, cells in table.text.items():
-        whole.update(column.encode())
-        values = table.numbers.get(column)
-        content = "\0".join(cells).encode() if values is None else values.tobytes()
-        whole.update(content)
-    return whole.hexdigest()
+def _shown(cell: object) -> str:
+    """Return a cell as text, "" for a missing one."""
+    return "" if _is_missing(cell) else str(cell)

@@ -88,147 +88,46 @@ def read_toml(path: Path, *, needed_by: str = "a flight") -> Toml:
     if problems:
         return toml
     text = text.replace("\r\n", "\n")
-    problem = _too_much(text, str(path))
-    if problem:
-        return replace(toml, problems=(problem,))
     try:
-        values = tomllib.loads(text)
+        return replace(toml, values=tomllib.loads(text), lines=_key_lines(text))
+    except RecursionError:
+        line, column, found = 1, "file", "too many brackets inside each other"
     except ValueError as error:
-        position = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
-        line = int(position[1]) if position else text.count("\n") + 1
-        problem = Problem(
-            file=str(path),
-            line=line,
-            column=f"character {position[2]}" if position else "end",
-            found=re.sub(r" \(at .*\)$", "", str(error)).replace("\n", " "),
-            expected="must be valid TOML",
-        )
-        return replace(toml, problems=(problem,))
-    return replace(toml, values=values, lines=_key_lines(text))
+        place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
+        line = int(place[1]) if place else text.count("\n") + 1
+        column = f"character {place[2]}" if place else "end"
+        found = re.sub(r" \(at .*\)$", "", str(error)).replace("\n", " ")
+    problem = toml.problem((), found, "must be valid TOML")
+    return replace(toml, problems=(replace(problem, line=line, column=column),))
 
 
-# --- Line numbers of the keys of a TOML document, and limits of its length and depth
-#
-# A document is split into words, strings and brackets once. Time and memory are proportional to
-# its length, whatever it contains. A TOML reader checks whether it is valid.
-
-
-LONGEST_WORD = 200
-"""Largest number of characters of a number, a date or a key without quotes."""
-
-DEEPEST = 8
-"""Largest number of keys joined by dots, and of nested brackets; a flight needs three and one."""
-
-# No part can match in two ways (++, *+), so every character is examined once.
-_TOKEN = re.compile(
-    r"""
-    \#[^\n]*+
-    | (?P<text> \"\"\" (?: [^"\\] | \\. | "(?!"") )*+ (?: \"{3,5} )?
-              | ''' (?: [^'] | '(?!'') )*+ (?: '{3,5} )?
-              | " (?: [^"\\\n] | \\[^\n] )*+ "?
-              | ' [^'\n]*+ '? )
-    | (?P<word> [^\s"'\#\[\]{}=,.]++ )
-    | (?P<mark> [\[\]{}=.\n] )
-    """,
-    re.VERBOSE | re.DOTALL,
-)
-
-
-@dataclass
-class _Place:
-    """Position of a token in a document."""
-
-    line: int = 1
-    brackets: int = 0
-    dots: int = 0
-    """Number of dots that join the words before this one."""
-
-
-def _too_much(text: str, file: str) -> Problem | None:
-    r"""Return the problem of a document too long or too deeply nested, else None."""
-    for token, kind, place in _tokens(text):
-        if kind == "word" and len(token) > LONGEST_WORD:
-            noun = "a number" if token[0] in "+-0123456789" else "a word"
-            fault = f"{noun} of {len(token)} characters"
-            expected = f"must have at most {LONGEST_WORD}"
-        elif place.dots >= DEEPEST:
-            fault, expected = f"{DEEPEST + 1} keys joined by dots", f"must be at most {DEEPEST}"
-        elif place.brackets > DEEPEST:
-            fault = f"{DEEPEST + 1} brackets inside each other"
-            expected = f"must be at most {DEEPEST}"
-        else:
-            continue
-        return Problem(file=file, line=place.line, column="file", found=fault, expected=expected)
-    return None
-
-
-def _tokens(text: str) -> Iterator[tuple[str, str | None, _Place]]:
-    """Yield words, strings and marks with their place, the same object throughout."""
-    place, after_dot = _Place(), False
-    for match in _TOKEN.finditer(text):
-        token, kind = match[0], match.lastgroup
-        if token in ("[", "{"):
-            place.brackets += 1
-        elif kind in ("word", "text"):
-            place.dots = place.dots + 1 if after_dot else 0
-        after_dot = token == "."
-        yield token, kind, place
-        if token in ("]", "}"):
-            place.brackets = max(place.brackets - 1, 0)
-        elif token == "\n":
-            place.line += 1
-        elif kind == "text":
-            place.line += token.count("\n")
-
-
-@dataclass
-class _Statement:
-    """The keys before an equals sign, or in the brackets of a table's name."""
-
-    line: int
-    is_table: bool = False
-    keys: list[str] = field(default_factory=list)
+_KEY = r"""(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')"""
+_STATEMENT = re.compile(rf"\s*(\[{{0,2}})\s*({_KEY}(?:\s*\.\s*{_KEY})*)\s*[\]=]", re.ASCII)
 
 
 def _key_lines(text: str) -> dict[tuple[str, ...], int]:
-    r"""Return the line of every table and of every key."""
+    """Return the line of every table and of every key."""
     lines: dict[tuple[str, ...], int] = {}
     table: tuple[str, ...] = ()
-    for statement in _statements(text):
-        keys = tuple(statement.keys)
-        if statement.is_table:
+    for number, line in enumerate(text.split("\n"), start=1):
+        statement = _STATEMENT.match(line)
+        if statement is None:
+            continue
+        keys = tuple(map(_unquoted, re.findall(_KEY, statement[2], re.ASCII)))
+        if statement[1]:
             table, keys = keys, ()
         whole = (*table, *keys)
         for n in range(1, len(whole) + 1):  # a table without its own line has that of its first key
-            lines.setdefault(whole[:n], statement.line)
+            lines.setdefault(whole[:n], number)
     return lines
 
 
-def _statements(text: str) -> Iterator[_Statement]:
-    statement: _Statement | None = _Statement(line=1)  # None after the equals sign
-    for token, kind, place in _tokens(text):
-        if token == "\n":
-            if place.brackets == 0:
-                statement = _Statement(line=place.line + 1)
-        elif statement is None:
-            continue
-        elif kind in ("word", "text"):
-            statement.keys.append(_unquoted(token))
-        elif token == "[":
-            statement.is_table = True
-        elif token in ("=", "]"):
-            yield statement
-            statement = None
-
-
-def _unquoted(token: str) -> str:
+def _unquoted(key: str) -> str:
     """Return a key without its quotes."""
-    if token[0] == '"':
-        try:
-            return str(json.loads(token))
-        except ValueError:  # an escape of TOML only; then the table's line is used
-            return token.strip('"')
-    return token.strip("'") if token[0] == "'" else token
+    try:
+        return str(json.loads(key)) if key[0] == '"' else key.strip("'")
+    except ValueError:  # an escape of TOML only; then the table's line is used
+        return key
 
 
 # --- Allowed content of the tables of a TOML document: declared once, checked, and listed
@@ -249,9 +148,6 @@ def no_problems(_toml: Toml, _keys: Keys) -> Iterable[Problem]:
 
 NAME = "NAME"
 """In the dotted keys of `rows` the name of a camera, or of a strip."""
-
-MOST_NAMES = 1000
-"""Number of names of a list that are checked."""
 
 
 @dataclass(frozen=True)
@@ -322,7 +218,7 @@ def choice(values: tuple[str, ...], expected: str = "") -> Value:
         value = toml.get(*keys)
         if value not in values:
             cure = expected or f"must be {' or '.join(map(repr, values))}"
-            yield toml.problem(keys, f"{quoted(value)}{_hint(value, values)}", cure)
+            yield toml.problem(keys, f"{quoted(value)}{did_you_mean(value, values)}", cure)
 
     return Value(", ".join(map(_written, values)), problems, values)
 
@@ -336,10 +232,10 @@ def choices(values: tuple[str, ...]) -> Value:
             yield toml.problem(keys, quoted(names), f"must be a list of {listed}")
             return
         seen = set()
-        for name in names[:MOST_NAMES]:
+        for name in names:
             if not isinstance(name, str) or name not in values:
                 yield toml.problem(
-                    keys, f"{quoted(name)}{_hint(name, values)}", f"must be of {listed}"
+                    keys, f"{quoted(name)}{did_you_mean(name, values)}", f"must be of {listed}"
                 )
             elif name in seen:
                 yield toml.problem(keys, f"{name!r} again", "every name once")
@@ -495,10 +391,6 @@ def _key_problems(
     for key in required:
         if key not in table:
             yield toml.problem((*keys, key), "missing", "required")
-
-
-def _hint(value: object, known: Collection[str]) -> str:
-    return did_you_mean(value, known) if isinstance(value, str) else ""
 
 
 def _unit_hint(key: str, value: float) -> str:

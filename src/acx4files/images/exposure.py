@@ -100,7 +100,7 @@ class RenderOptions:
             if getattr(self, name) not in known:
                 msg = f"{name} {getattr(self, name)!r}: must be one of {', '.join(known)}"
                 raise ValueError(msg)
-        expected.size("feather_px", self.feather_px)
+        expected.positive("feather_px", self.feather_px, zero=True)
         if self.blend == STACK and self.equalise != "none":
             msg = f"equalise {self.equalise!r}: bands of a stack are not equalised; must be none"
             raise ValueError(msg)

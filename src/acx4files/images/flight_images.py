@@ -43,9 +43,6 @@ from acx4lib.least_squares.processors import as_finished
 ORIENTED = ("synthetic/refined", "heads/relative_orientation")
 """Results with the orientation of the heads; the first one that exists is used."""
 
-COMMAND = "acx4 render"
-"""The command that is named in the mark of a folder of images."""
-
 IMAGES = "images.csv"
 """Table of the images, in the format of a flight's block."""
 
@@ -140,9 +137,8 @@ def render_flight(  # noqa: PLR0913 what, how and where
     complete, incomplete = files.complete, files.incomplete
     chosen = files.chosen(exposures)
     sources = spread(list(complete.values())) if options.equalise == "flight" else []
-    with own_folder.claim(folder, command=COMMAND, away_from=[flight.path]) as claimed:
+    with own_folder.claim(folder, signs=[IMAGES], away_from=[flight.path]):
         jobs = _jobs(rig, [complete[n] for n in chosen if n in complete], folder, options, sources)
-        claimed.expect([IMAGES, *(path.name for job in jobs for path in (job.path, job.preview))])
         kept = {job.exposure for job in jobs if _is_made(job)}
         remaining = [job for job in jobs if job.exposure not in kept]
         response = (
@@ -213,7 +209,6 @@ def read_rig(flight: Flight, results_path: Path) -> SyntheticRig:
 
 
 def _read_orientation(flight: Flight, results_path: Path) -> tuple[str, RelativeOrientation]:
-    provenance.verify(results_path)
     heads = flight.blocks.get("heads")
     is_measured = heads is None or not not_calibrated(heads)
     before = ["heads"] if is_measured else ["synthetic"]  # heads as declared have no stage heads

@@ -274,7 +274,7 @@ class Format:
             raise ValueError(f"1 to {most} bands of uint8 or uint16 are written, not {bands}")
         expected.whole("height", self.height)
         expected.whole("width", self.width)
-        expected.positive_number("pixel_mm", self.pixel_mm)
+        expected.positive("pixel_mm", self.pixel_mm)
 
 
 def write(

@@ -20,7 +20,7 @@ from acx4files.measuring import views
 from acx4files.measuring.levels import Matched, MeasureOptions, beyond_search, match_block
 from acx4files.measuring.orientation import GAP_DEG, R_NED_M, Coarse, oriented_by_features
 from acx4files.measuring.oriented import firm, refined
-from acx4files.measuring.pairs import Matching
+from acx4files.measuring.pairs import FOLDER, Matching
 from acx4files.measuring.targets import Measured, Surveyed, find_surveyed
 from acx4files.measuring.views import (
     Surface,
@@ -32,7 +32,6 @@ from acx4files.measuring.views import (
 )
 from acx4files.opening import opened, text_of
 from acx4files.results import own_folder, whole_files
-from acx4files.results.own_folder import OwnFolder
 from acx4files.results.whole_files import file_stem
 from acx4lib import expected, shown
 from acx4lib.block import Block, select_images
@@ -40,8 +39,6 @@ from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import mountings
 from acx4lib.geometry.frames import rph_from_rotation
-
-COMMAND = "acx4 measure"
 
 Tell = Callable[[str, int, int], None]
 
@@ -110,9 +107,10 @@ def measure_flight(
         Where the folder must not be used.
     """
     unmeasured = read_unmeasured(path)
-    with own_folder.claim(folder, command=COMMAND, away_from=[Path(path)]) as claimed:
-        matching = Matching(own=claimed, executor=executor)
-        _copied(unmeasured, claimed)
+    with own_folder.claim(folder, signs=[FOLDER], away_from=[Path(path)]):
+        (Path(folder) / FOLDER).mkdir(exist_ok=True)  # by which the folder is known
+        matching = Matching(folder=Path(folder) / FOLDER, executor=executor)
+        _copied(unmeasured, Path(folder))
         out: list[Outcome] = []
         for name in unmeasured.flight.blocks:
             rows = _given(unmeasured.tables[name], unmeasured.flight.apriori.image_point_px)
@@ -125,9 +123,9 @@ def measure_flight(
                 }
                 rows += _tie_rows(outcome.matched, names)
                 out.append(outcome)
-            _write_points(claimed, name, rows)
+            _write_points(Path(folder), name, rows)
+        _put(Path(folder) / SETTINGS, _content(unmeasured.flight.path / SETTINGS))
         matching.forget()
-        _finished(unmeasured, claimed)
     read(folder)
     return out
 
@@ -460,7 +458,7 @@ def read_unmeasured(path: str | Path) -> Unmeasured:
         raise FlightError([problem])
     toml = read_toml(folder / "flight.toml")
     tables = {
-        name: without_points(read_block(folder, name, pictures=folder), folder) for name in names
+        name: without_points(read_block(folder, name, pictures=folder)) for name in names
     }
     flight = checked(toml, list(tables.values()))
     pictured = [name for name in names if any(flight.image_files[name])]
@@ -478,7 +476,7 @@ def read_unmeasured(path: str | Path) -> Unmeasured:
 # --- the measured flight ---------------------------------------------------------------------
 
 
-def _copied(unmeasured: Unmeasured, own: OwnFolder) -> None:
+def _copied(unmeasured: Unmeasured, folder: Path) -> None:
     """Copy a flight's tables and pictures; image points and settings follow later.
 
     Pictures are linked where the file system can, so that they take no more space. Images without
@@ -487,8 +485,8 @@ def _copied(unmeasured: Unmeasured, own: OwnFolder) -> None:
     Parameters
     ----------
     unmeasured : Unmeasured
-    own : OwnFolder
-        Claimed for the measured flight.
+    folder : Path
+        Of the measured flight.
     """
     flight = unmeasured.flight
     names = [name.as_posix() for name in table_files(flight)]
@@ -496,18 +494,17 @@ def _copied(unmeasured: Unmeasured, own: OwnFolder) -> None:
     own_control = (f"{block}/control_points.csv" in names for block in flight.blocks)
     has_control = "control_points.csv" in names or all(own_control)
     missing = [] if has_control else ["control_points.csv"]
-    own.expect([*names, *pictures, *missing])
     made = {
         f"{block}/images.csv": _used_images(unmeasured, block, tables)
         for block, tables in unmeasured.tables.items()
     } | dict.fromkeys(missing, b"point,east_m,north_m,height_m\n")
     for name in names:
         if name != SETTINGS and name not in made:
-            _put(own.path / name, _content(flight.path / name))
+            _put(folder / name, _content(flight.path / name))
     for name, content in made.items():
-        _put(own.path / name, content)
+        _put(folder / name, content)
     for name, source in pictures.items():
-        target = own.path / name
+        target = folder / name
         target.parent.mkdir(parents=True, exist_ok=True)
         if not target.exists():
             whole_files.link(source, target)
@@ -549,21 +546,14 @@ def _names_of(flight: Flight, block: str) -> Sequence[str]:
     ]
 
 
-def _finished(unmeasured: Unmeasured, own: OwnFolder) -> None:
-    """Make a flight of a folder that has all tables, by its settings."""
-    _put(own.path / SETTINGS, _content(unmeasured.flight.path / SETTINGS))
-    own.seal()
-
-
-def _write_points(own: OwnFolder, block: str, rows: Sequence[Measured]) -> None:
+def _write_points(folder: Path, block: str, rows: Sequence[Measured]) -> None:
     """Write the image points of a block."""
     name = f"{block}/image_points.csv"
-    own.expect([name])
     header = ["image", "point", "col_px", "row_px", "sigma_px"]
     numbers = ([row.col_px, row.row_px, row.sigma_px] for row in rows)
     places = ([f"{number:.4f}" for number in three] for three in numbers)
     lines = ([row.image, row.point, *place] for row, place in zip(rows, places, strict=True))
-    _put(own.path / name, _csv([header, *lines]))
+    _put(folder / name, _csv([header, *lines]))
 
 
 def _content(path: Path) -> bytes:

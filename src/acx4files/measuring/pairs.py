@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import pickle
+import shutil
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
@@ -20,8 +21,7 @@ import numpy as np
 from acx4files.images.image_files import fingerprint
 from acx4files.measuring.views import Surface, View, pixels_of_view, transferred
 from acx4files.opening import opened
-from acx4files.results.own_folder import OwnFolder
-from acx4files.results.whole_files import opened_new
+from acx4files.results import whole_files
 from acx4lib import expected
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.collinearity import rays
@@ -64,7 +64,7 @@ class MatchOptions:
     def __post_init__(self) -> None:
         expected.whole("search_px", self.search_px)
         for name in ("largest_sigma_px", "epipolar_px"):
-            expected.size(name, getattr(self, name))
+            expected.positive(name, getattr(self, name), zero=True)
 
     @property
     def side(self) -> int:
@@ -353,14 +353,14 @@ class Matching:
 
     Attributes
     ----------
-    own : OwnFolder
+    folder : Path
     executor : Executor or None
         Where pairs are matched; here, one after the other, without.
     prints : dict of Path to str
         Checksums of pictures that were looked at before.
     """
 
-    own: OwnFolder
+    folder: Path
     executor: Executor | None = None
     prints: dict[Path, str] = field(default_factory=dict)
 
@@ -373,14 +373,13 @@ class Matching:
         count : callable
             Called with the number of finished pairs and of all.
         """
-        names = [f"{FOLDER}/{self._digest(job)}.npz" for job in jobs]
-        self.own.expect(names)
-        out: list[Both | None] = [_kept(self.own.path / name) for name in names]
+        places = [self.folder / f"{self._digest(job)}.npz" for job in jobs]
+        out: list[Both | None] = [_kept(place) for place in places]
         missing = [k for k, both in enumerate(out) if both is None]
         done = len(jobs) - len(missing)
         count(done, len(jobs))
         for k, both in self._matched(jobs, missing):
-            _keep(self.own.path / names[k], both)
+            _keep(places[k], both)
             out[k] = both
             done += 1
             count(done, len(jobs))
@@ -388,7 +387,7 @@ class Matching:
 
     def forget(self) -> None:
         """Remove the pairs of a flight that is measured."""
-        self.own.remove([name for name in self.own.files if name.startswith(f"{FOLDER}/")])
+        shutil.rmtree(self.folder, ignore_errors=True)
 
     def _matched(
         self, jobs: Sequence[PairJob], missing: Sequence[int]
@@ -414,7 +413,7 @@ def _keep(path: Path, both: Both) -> None:
     parts = {
         f"{k}_{name}": getattr(matches, name) for k, matches in enumerate(both) for name in _PARTS
     }
-    with opened_new(path) as file:
+    with whole_files.together() as new, new.open(path) as file:
         np.savez(file, **parts)
 
 

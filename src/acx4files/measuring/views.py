@@ -242,7 +242,7 @@ class Surface:
 
     def __post_init__(self) -> None:
         expected.shape("origin", self.origin, (2,))
-        expected.positive_number("cell_m", self.cell_m)
+        expected.positive("cell_m", self.cell_m)
         expected.shape("z", self.z, ("rows", "cols"))
         expected.finite("z", self.z)
 

@@ -108,7 +108,7 @@ def write(
     stage: str,
     records: Iterable[Record],
     *,
-    flight: Flight | None = None,
+    flight: Flight,
     calibration: Mapping[str, object] | None = None,
     methods: Sequence[str] = (),
 ) -> None:
@@ -120,31 +120,21 @@ def write(
     stage : str
         All its old rows are removed, even those of methods without a new record.
     records : iterable of Record
-    flight : Flight, optional
-        Flight of the records; the summary names it by its checksum. The folder then becomes, or
-        must be, the folder of its results, see `provenance.written`. Without a flight only the
-        tables are replaced.
-    calibration : mapping, optional
-        Origin of the validated calibration of an earlier flight, as `provenance.written` takes it.
-    methods : sequence of str
-        Methods of the stage that are replaced; by default all.
+    flight, calibration, methods
+        As `provenance.write` takes them.
 
     Raises
     ------
     FlightError, OutputError
-        As `provenance.written`.
+        As `provenance.write`.
     """
     records = list(records)
-    named = {} if flight is None else {"flight": provenance.identity(flight)}
     names = {name for record in records for name in record.tables}
     tables = {name: [r.tables[name] for r in records if name in r.tables] for name in names}
-    summary = {key: {**entry, **named} for r in records for key, entry in r.summary.items()}
-    if flight is None:
-        results.replace(folder, [stage], tables=tables, summary=summary)
-        return
-    old = [f"{stage}/{method}" for method in methods] or [stage]
-    with provenance.written(folder, stage, flight, calibration=calibration) as target:
-        results.replace(target, old, tables=tables, summary=summary)
+    summary = {key: entry for record in records for key, entry in record.summary.items()}
+    provenance.write(
+        folder, stage, tables, summary, flight=flight, calibration=calibration, methods=methods
+    )
 
 
 # --- bundles ---------------------------------------------------------------------------------

@@ -11,8 +11,7 @@ import numpy as np
 
 from acx4files.flight.reader import Flight
 from acx4files.results import folder, provenance
-from acx4files.results.own_folder import written
-from acx4files.results.provenance import Run
+from acx4files.results.provenance import Run, sha256_of
 from acx4files.results.read_back import (
     calibrated_methods,
     read_calibration,
@@ -50,9 +49,7 @@ class Earlier:
         return {
             "flight": {"name": flight.name, "sha256": self.run.provenance.digest},
             "results": results_path.resolve().name,
-            "sha256": provenance.digest(
-                {n: written(results_path / n).sha256 or "" for n in TABLES}
-            ),
+            "sha256": provenance.digest({n: sha256_of(results_path / n) for n in TABLES}),
             "flown": None if flight.session.date is None else flight.session.date.isoformat(),
             "computed": computed.date().isoformat(),
         }

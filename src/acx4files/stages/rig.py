@@ -186,7 +186,7 @@ def write(flight: Flight, results_path: str | Path, stages: Sequence[RigStage]) 
             records = _records(stage, over_ground=over_ground)
             explained_records.append(explained(records, flight, stage.block.name))
     for stage, rows in zip(stages, explained_records, strict=True):
-        adjustments.write(results_path, f"mounting/{stage.method}", rows, flight=flight)
+        adjustments.write(results_path, "mounting", rows, flight=flight, methods=[stage.method])
     if rig_leads(flight):
         oriented = _oriented(flight, stages[0])
         adjustments.write(results_path, "heads", oriented, flight=flight)

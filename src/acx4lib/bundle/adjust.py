@@ -98,16 +98,9 @@ def free_orientation(
     ValueError
         For an unknown name, or if there is not one position, or start, per image.
     """
-    expected.instance("block", block, Block)
     if smallest_angle is not None:
         block = replace(block, smallest_angle=smallest_angle)
     n_images = len(block.images)
-    if positions is not None:
-        expected.instance("positions", positions, PoseObservations)
-        expected.many("positions", positions.T_m_b, n_images, "poses")
-    if start is not None:
-        expected.instance("start", start, State)
-        expected.many("start.T_m_b", start.T_m_b, n_images, "poses")
     if start is None and np.isnan(block.trajectory.T_m_b.r).all():
         block = resected(block)
     T_m_c = block.T_m_b_images @ mountings(block.cameras)[block.images.camera_idx]
@@ -184,7 +177,6 @@ def mounted_orientation(
     ValueError
         For an unknown name.
     """
-    expected.instance("block", block, Block)
     expected.names_of("gnss", gnss, TRAJECTORY)
     trajectory = block.trajectory
     strips = strips_of(block) if "drift" in gnss else Strips()
@@ -241,11 +233,9 @@ def with_held_poses(network: Network, names: Sequence[str], T_m_b: Pose) -> Netw
         For a name that the network does not have, or that comes twice, or if there is not one
         pose for each.
     """
-    expected.instance("network", network, Network)
     expected.names_of("names", names, network.pose_names)
     expected.different("names", names)
-    expected.instance("T_m_b", T_m_b, Pose)
-    expected.many("T_m_b", T_m_b, len(names), "poses")
+    expected.shape("T_m_b.r", T_m_b.r, (len(names), 3))
     places = [network.pose_names.index(name) for name in names]
     columns, observed, start = network.layout.pose[places], network.observed, network.start
     held = replace(
@@ -512,7 +502,6 @@ def adjust(network: Network) -> Bundle:
     AdjustmentError
         Where it does not converge, or converges to a state that does not fit the measurements.
     """
-    expected.instance("network", network, Network)
     if not far_off(network, network.start).any():
         with suppress(AdjustmentError):
             return _adjusted(network, network.start)
@@ -546,7 +535,6 @@ def designed(network: Network) -> Bundle:
     AdjustmentError
         Where observations are fewer than unknowns.
     """
-    expected.instance("network", network, Network)
     return _of(network, network.start, adjustment.designed(network, network.start))
 
 

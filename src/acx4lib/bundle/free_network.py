@@ -95,7 +95,7 @@ def adjust_free(network: Network, points: Mask | None = None) -> FreeNetwork:
     _require_free_orientation(network)
     chosen = network.free_points
     if points is not None:
-        expected.mask("points", points, network.n_points)
+        expected.shape("points", points, (network.n_points,))
         chosen = chosen & points
     move = _Similarity.of(network)
     held = _held_columns(network, move)
@@ -177,7 +177,6 @@ def datum_defect(network: Network) -> int:
 
 
 def _require_free_orientation(network: Network) -> None:
-    expected.instance("network", network, Network)
     columns = network.layout
     free = [part >= 0 for part in (columns.mount, columns.shift, columns.drift, columns.delay)]
     if any(map(np.any, free)) or np.any(network.start.T_b_c.r):

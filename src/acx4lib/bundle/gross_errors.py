@@ -118,11 +118,8 @@ def adjust_rejecting(
     wrong weight is no gross error. A group with more rejections than `within_limits` allows has a
     systematic error: no observation of it is rejected, and `Bundle.stopped` names the group.
     """
-    expected.instance("block", block, Block)
-    expected.positive_number("critical", critical)
+    expected.positive("critical", critical)
     expected.one_of("sigma0", sigma0, ("known", "estimated"))
-    if not callable(set_up):
-        raise ValueError(f"set_up: expected a function of a block, got {expected.given(set_up)}")
     network, absurd = _without_absurd_control(block, set_up)
     observed = _observations(network)
     test = partial(_judge, w_limits if sigma0 == "known" else tau_limits, critical)

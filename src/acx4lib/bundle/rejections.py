@@ -108,7 +108,6 @@ def without(block: Block, rejected: Sequence[Rejection]) -> Block:
     ValueError
         Where the block has no such row.
     """
-    expected.instance("block", block, Block)
     rows = {
         kind: np.array([r.row for r in rejected if r.kind == kind], dtype=np.intp) for kind in KINDS
     }
@@ -161,7 +160,7 @@ def noncentrality(*, critical: float = CRITICAL, power: float = POWER) -> float:
     ValueError
         Where `critical` is not positive or `power` is no probability.
     """
-    expected.positive_number("critical", critical)
+    expected.positive("critical", critical)
     expected.probability("power", power)
     return critical + statistics.norm_ppf(power)
 

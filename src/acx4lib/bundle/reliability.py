@@ -73,7 +73,6 @@ def reliability(group: Group, *, critical: float = CRITICAL, power: float = POWE
     delta_0 sqrt((1 - r) / r), with the redundancy number r. Where errors are correlated,
     `Group.control` takes the place of r, and `Together.own` that of one.
     """
-    expected.instance("group", group, Group)
     delta_0 = noncentrality(critical=critical, power=power)
     known = np.isfinite(group.redundancy)
     r = np.where(known, np.clip(group.redundancy, 0.0, 1.0), np.nan)
@@ -111,7 +110,7 @@ def parameter_effects(bundle: Bundle, columns: Index) -> list[Array]:
     """
     network, solution = bundle.network, bundle.solution
     require_own_datum(solution)
-    expected.whole_numbers("columns", columns)
+    expected.shape("columns", columns)
     expected.places("columns", columns, network.n_columns)
     equations = network.equations(bundle.state)
     chosen = np.zeros((len(columns), network.n_columns))

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib import expected
 from acx4lib.block import Block, ImagePoints, Trajectory
 from acx4lib.bundle.network import Network, camera_poses
 from acx4lib.bundle.unknowns import State
@@ -668,10 +667,7 @@ def resected(block: Block) -> Block:
     ------
     AdjustmentError
         Where no image of an exposure shows three control points.
-    ValueError
-        If `block` is no Block.
     """
-    expected.instance("block", block, Block)
     where = np.full(len(block.points), -1)
     where[block.control.point_idx] = np.arange(len(block.control))
     points = block.image_points[where[block.image_points.point_idx] >= 0]

@@ -250,7 +250,6 @@ def components(
     .. [1] K.-R. Koch, "Parameter Estimation and Hypothesis Testing in Linear Models", 2nd
        edition, 1999, chapter 3.6.
     """
-    expected.instance("bundle", bundle, Bundle)
     expected.names_of("applied", applied or {}, group_names(bundle.network.block))
     groups = [g for g in _groups(bundle) if len(g["sigma"])]
     shares = _shares(bundle, groups)
@@ -308,7 +307,6 @@ def sigma_tests(bundle: Bundle) -> tuple[SigmaTest, ...]:
     .. [2] F. E. Satterthwaite, "An approximate distribution of estimates of variance components",
        1946.
     """
-    expected.instance("bundle", bundle, Bundle)
     images = bundle.solution.group("image_point")
     every = _Rows(
         name="image points", group=images, rows=np.arange(len(images.v)), columns=np.arange(2)

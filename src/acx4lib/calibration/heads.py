@@ -105,7 +105,6 @@ class RelativeOrientation:
     turns: Array | None = None
 
     def __post_init__(self) -> None:
-        expected.sequence("heads", self.heads, Camera)
         n = len(self.heads)
         for name in ("xyz_mm", "opk"):
             expected.shape(name, getattr(self, name), (n, 3))
@@ -221,8 +220,6 @@ def calibrate_heads(
     ValueError
         For an unknown name.
     """
-    expected.instance("block", block, Block)
-    expected.names("heads", heads)
     network = partial(free_orientation, free=free, refraction=refraction)
     bundles, failures = {}, {}
     before = after.bundles if after else {}
@@ -312,14 +309,11 @@ def relative_orientation(
     that the heads share, and from the trajectory. The scatter of the exposures would be too
     small: an error of a head's interior orientation is the same at all exposures.
     """
-    expected.instance("heads", heads, Heads)
     if synthetic is None:
         raise AdjustmentError("flight.toml has no table [synthetic]")
-    expected.instance("synthetic", synthetic, Camera)
     if heads.failures:
         raise AdjustmentError(f"{', '.join(heads.failures)} could not be adjusted")
     fits = list(heads.bundles.values())
-    expected.some("heads", fits, "head")
     if not weak and (open_ones := [n for n, fit in heads.bundles.items() if _is_weak(fit)]):
         msg = f"the interior orientation of {', '.join(open_ones)} is not determined"
         raise AdjustmentError(msg)
@@ -358,7 +352,6 @@ def not_calibrated(block: Block) -> str:
     block : Block
         Of the heads, with the control points that are measured in it.
     """
-    expected.instance("block", block, Block)
     if not len(block.image_points):
         return f"nothing is measured in block {block.name}"
     n = len(block.control)
@@ -381,7 +374,6 @@ def declared_orientation(heads: Sequence[Camera], synthetic: Camera) -> Relative
     RelativeOrientation
         Of one perspective centre, without exposures and covariance.
     """
-    expected.sequence("heads", heads, Camera)
     n, R_b_h = len(heads), np.stack([head.T_b_c.R for head in heads])
     xyz = np.tile([0.0, 0.0, heads[0].interior.f], (n, 1))
     return RelativeOrientation(
@@ -407,9 +399,7 @@ def common_exposures(heads: Heads) -> CommonExposures:
     ValueError
         For no heads.
     """
-    expected.instance("heads", heads, Heads)
     fits = list(heads.bundles.values())
-    expected.some("heads", fits, "head")
     sets = []
     for fit in fits:
         exposure = fit.network.block.images.exposure_idx

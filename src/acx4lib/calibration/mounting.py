@@ -148,7 +148,7 @@ def calibrate(
     AdjustmentError
         Where all methods fail.
     ValueError
-        For an unknown name, or if `block` is no Block.
+        For an unknown name.
     """
     return together(outcomes(block, free=free, fix=fix, refraction=refraction, gnss=gnss))
 
@@ -244,7 +244,6 @@ def single_step(
     Where the trajectory is not observed and both parts of the mounting are held, the block is a
     free network, in the datum of `free_network.adjust_free_rejecting`.
     """
-    expected.instance("block", block, Block)
     expected.names_of("free", free, INTERIOR)
     network = partial(
         mounted_orientation,
@@ -373,10 +372,8 @@ def _taken_over(
 
     Where observations contradict each other, the estimates do not fit, and are no start values.
     """
-    expected.instance("block", block, Block)
     if after is None or isinstance(after, Failed):
         return (), None
-    expected.instance("after", after, Mounting)
     bundle, before = after.bundle, after.bundle.network.block
     if (before.images.names, before.points) != (block.images.names, block.points) or len(
         before.image_points
@@ -563,7 +560,6 @@ def weighted(
     ValueError
         For other weights.
     """
-    expected.instance("block", block, Block)
     expected.one_of("weights", weights, ("given", "estimated"))
     if weights == "given":
         return block, {}
@@ -629,7 +625,7 @@ def scaled(block: Block, factors: Mapping[str, float]) -> Block:
     """
     expected.names_of("factors", factors, group_names(block))
     for name, factor in factors.items():
-        expected.positive_number(name, factor)
+        expected.positive(name, factor)
     by_camera = np.array([factors.get(name, 1.0) for name in image_groups(block)])
     points, trajectory = block.image_points, block.trajectory
     camera_idx = block.images.camera_idx[points.image_idx]

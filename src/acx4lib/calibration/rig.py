@@ -251,7 +251,6 @@ def relative_orientation(
     """
     if synthetic is None:
         raise AdjustmentError("flight.toml has no table [synthetic]")
-    expected.instance("synthetic", synthetic, Camera)
     calibration = rig.calibration
     if not weak and (sentences := _open(calibration)):
         others = f"; so are {len(sentences) - 1} others" if len(sentences) > 1 else ""

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4lib import expected
 from acx4lib.block import ImagePoints
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network, camera_poses
@@ -125,7 +124,6 @@ def between_strips(bundle: Bundle) -> Turns | None:
     .. [1] K.-R. Koch, "Parameter Estimation and Hypothesis Testing in Linear Models", 2nd
        edition, 1999, chapters 3.4 and 4.2.
     """
-    expected.instance("bundle", bundle, Bundle)
     block = bundle.network.block
     strip = np.full(len(block.trajectory), "", dtype=object)
     strip[block.images.exposure_idx] = block.images.strips
@@ -145,7 +143,6 @@ def over_time(bundle: Bundle) -> Turns | None:
     bundle : Bundle
         As in `between_strips`; so is the test.
     """
-    expected.instance("bundle", bundle, Bundle)
     trajectory = bundle.network.block.trajectory
     time = trajectory.time_s if has_times(trajectory) else np.arange(len(trajectory), dtype=float)
     if not np.ptp(time) > 0:

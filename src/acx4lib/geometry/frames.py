@@ -246,7 +246,6 @@ def mean_rotation(R: Array, weights: Array | None = None) -> Array:
     ndarray, shape (3, 3)
     """
     expected.shape("R", R, ("n", 3, 3))
-    expected.some("R", R, "rotation matrix")
     expected.rotations("R", R)
     mean = R[0]
     for _ in range(20):

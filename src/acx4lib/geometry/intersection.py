@@ -49,7 +49,7 @@ def intersect(
     """
     expected.shape("directions", directions, ("n", 3))
     expected.shape("origins", origins, (len(directions), 3))
-    expected.whole_numbers("point_idx", point_idx, (len(directions),))
+    expected.shape("point_idx", point_idx, (len(directions),))
     expected.places("point_idx", point_idx, n_points)
     length_sq = np.einsum("ni,ni->n", directions, directions)
     _check_lengths(length_sq)

@@ -57,7 +57,6 @@ class Accuracy:
     def __post_init__(self) -> None:
         if self.n < 0:
             raise ValueError(f"number of check points must not be negative, got n={self.n}")
-        expected.three("mean", self.mean)
         for name in ("std", "rms", "error_90"):
             _sizes(name, getattr(self, name))
 
@@ -131,7 +130,6 @@ def from_summary(n: int, *, mean: Triple, std: Triple, rms: Triple) -> Accuracy:
     mean, std, rms : tuple of three floats
         East, north, height, m.
     """
-    expected.three("rms", rms)
     axis = np.sqrt(statistics.chi2_ppf(0.9, 1)) * np.asarray(rms)
     plan = np.sqrt(statistics.chi2_ppf(0.9, 2) / 2) * np.hypot(rms[0], rms[1])
     return Accuracy(n=n, mean=mean, std=std, rms=rms, error_90=triple(axis), plan_90=float(plan))
@@ -286,8 +284,8 @@ def rms_interval(rms: float, n: float, *, probability: float = 0.95) -> tuple[fl
     lower, upper : float
         In the unit of `rms`; NaN for n = 0.
     """
-    expected.size("rms", rms)
-    expected.size("n", n)
+    expected.positive("rms", rms, zero=True)
+    expected.positive("n", n, zero=True)
     if n == 0:
         return np.nan, np.nan
     low, high = rms_limits(n, probability=probability)
@@ -304,7 +302,7 @@ def rms_limits(n: float, *, probability: float = 0.95) -> tuple[float, float]:
     probability : float
         Probability of an RMS between them.
     """
-    expected.positive_number("n", n)
+    expected.positive("n", n)
     expected.probability("probability", probability)
     tail = (1 - probability) / 2
     least, most = statistics.chi2_ppf(tail, n), statistics.chi2_isf(tail, n)
@@ -337,7 +335,6 @@ def effective_number(cov: Array) -> float:
     -----
     Satterthwaite: (tr C)^2 / tr C^2, from the mean and the variance of the sum of squares.
     """
-    expected.square("cov", cov)
     squares = float(np.sum(cov**2))
     return float(np.trace(cov)) ** 2 / squares if squares > 0 else 0.0
 
@@ -350,8 +347,7 @@ def _error_90(size: Array) -> Array:
 
 def _sizes(name: str, values: Triple) -> None:
     """Raise where values are not three sizes of errors; NaN means unknown."""
-    expected.three(name, values)
-    expected.not_negative(name, np.nan_to_num(np.asarray(values, dtype=float), nan=0.0))
+    expected.positive(name, np.nan_to_num(np.asarray(values, dtype=float), nan=0.0), zero=True)
 
 
 def triple(values: Iterable[float]) -> Triple:
@@ -535,7 +531,6 @@ def pec_pcd(accuracy: Accuracy, scale: int) -> PecPcd:
     scale : int
         Denominator, one of `scales`.
     """
-    expected.instance("accuracy", accuracy, Accuracy)
     plan, height = plan_limits(scale), height_limits(scale)
     east_north = max(accuracy.rms[:2]), max(accuracy.error_90[:2])
     return PecPcd(
@@ -571,7 +566,6 @@ def largest_scale(accuracy: Accuracy, letter: str = "A") -> int | None:
 
 def nssda(accuracy: Accuracy) -> Nssda:
     """State the accuracy according to NSSDA (FGDC-STD-007.3-1998)."""
-    expected.instance("accuracy", accuracy, Accuracy)
     east, north, height = accuracy.rms
     similar = min(east, north) >= NSSDA_AXIS_RATIO * max(east, north)
     radius = np.sqrt(statistics.chi2_ppf(0.95, 2))

@@ -219,7 +219,7 @@ def _sources_at(
 ) -> tuple[Index, ErrorSources]:
     """Return the points that are predicted, and the sources of their errors; as `predict`."""
     x_m = expected.numbers("x_m", x_m, ("n", 3))
-    expected.positive_number("sigma_px", sigma_px)
+    expected.positive("sigma_px", sigma_px)
     survey = np.zeros(3) if sigma_survey_m is None else sigma_survey_m
     expected.shape("sigma_survey_m", survey, (3,))
     image_idx, point_idx, colrow = shown(block, georeferenced, x_m, refraction=refraction)
@@ -321,11 +321,10 @@ class MappingFlight:
     sigma_survey_m: Triple = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        expected.positive_number("height_m", self.height_m)
-        expected.positive_number("sigma_px", self.sigma_px)
+        expected.positive("height_m", self.height_m)
+        expected.positive("sigma_px", self.sigma_px)
         for name in ("sigma_position_m", "sigma_attitude", "sigma_survey_m"):
-            expected.three(name, getattr(self, name))
-            expected.not_negative(name, np.asarray(getattr(self, name)))
+            expected.positive(name, np.asarray(getattr(self, name)), zero=True)
         for name in ("forward", "side"):
             if not 0 <= getattr(self, name) < 1:
                 given = getattr(self, name)

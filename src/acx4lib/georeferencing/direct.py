@@ -93,8 +93,6 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
     ValueError
         Where the calibration lacks a camera.
     """
-    expected.instance("block", block, Block)
-    expected.instance("calibration", calibration, Calibration)
     names = [camera.name for camera in calibration.cameras]
     missing = [camera.name for camera in block.cameras if camera.name not in names]
     if missing:
@@ -153,9 +151,9 @@ class Rays:
     sigma_px: Array
 
     def __post_init__(self) -> None:
-        expected.whole_numbers("image_idx", self.image_idx)
+        expected.shape("image_idx", self.image_idx)
         n = len(self.image_idx)
-        expected.whole_numbers("group", self.group, (n,))
+        expected.shape("group", self.group, (n,))
         expected.shape("colrow", self.colrow, (n, 2))
         expected.shape("sigma_px", self.sigma_px, (n,))
         expected.positive("sigma_px", self.sigma_px)
@@ -504,7 +502,7 @@ def ground_points(
     height = expected.numbers("height_m", height_m, (n,))
     given = np.zeros(n) if sigma_height_m is None else sigma_height_m
     sigma_h = expected.numbers("sigma_height_m", given, (n,))
-    expected.not_negative("sigma_height_m", sigma_h)
+    expected.positive("sigma_height_m", sigma_h, zero=True)
     measurement = measured(block, georeferenced, pixels)
     x_m, lifted, met = _on_surface(
         block.frame, measurement.T_m_c.r, directions(measurement), height, refraction

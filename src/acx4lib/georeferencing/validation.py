@@ -170,7 +170,6 @@ def validate(
         Where the calibration lacks a camera, or the name cannot stand in results.
     """
     expected.one_of("refraction", refraction, REFRACTION)
-    expected.text("method", method)
     if not method or "/" in method:
         raise ValueError(f"method: expected a name without '/', got {method!r}")
     try:
@@ -478,7 +477,7 @@ def compare(block: Block, x_m: Array, cov: Array, check_idx: Index) -> tuple[Arr
     """
     x_m = expected.numbers("x_m", x_m, ("n", 3))
     expected.shape("cov", cov, (len(x_m), 3, 3))
-    expected.whole_numbers("check_idx", check_idx, (len(x_m),))
+    expected.shape("check_idx", check_idx, (len(x_m),))
     expected.places("check_idx", check_idx, len(block.check))
     check: SurveyedPoints = block.check[check_idx]
     met = np.isfinite(x_m).all(axis=1)
@@ -793,9 +792,6 @@ def predict(
     with cameras held, and by d^T (C + K)^-1 d with the calibration as observations. Every camera
     parameter is then an unknown and an observation: the redundancy is the same.
     """
-    expected.instance("block", block, Block)
-    expected.instance("calibration", calibration, Calibration)
-    expected.many("calibration.cameras", calibration.cameras, len(block.cameras), "cameras")
     held = tuple(replace(camera, prior=Prior()) for camera in calibration.cameras)
     network = partial(mounted_orientation, free=(), free_mount=(), refraction=refraction, gnss=gnss)
     block = replace(block, cameras=held)

@@ -182,7 +182,7 @@ def solve(
     rounding errors keep both the cost and the length of the step from decreasing any more.
     """
     expected.whole("max_iterations", max_iterations)
-    expected.positive_number("tolerance", tolerance)
+    expected.positive("tolerance", tolerance)
     with _solving():
         state, at_state, iterations = _iterate(problem, state, max_iterations, tolerance)
         precision = at_state.precision()

@@ -27,22 +27,18 @@ def propagate(J: Array, cov: Array) -> Array:
     ValueError
         Where the shapes of the matrices do not match.
     """
-    expected.square("cov", cov)
     expected.shape("J", J, (..., "k", cov.shape[-1]))
     return J @ cov @ np.swapaxes(J, -1, -2)
 
 
 def sigmas(cov: Array) -> Array:
     """Return the standard deviations of covariance matrices, shape (..., n)."""
-    expected.square("cov", cov)
     # rounding may make a variance of zero slightly negative
     return np.sqrt(np.maximum(np.diagonal(cov, axis1=-2, axis2=-1), 0.0))
 
 
 def correlation(cov: Array) -> Array:
     """Return the correlation matrix of a covariance matrix; zero beside a variance of zero."""
-    expected.square("cov", cov)
-    expected.symmetric("cov", cov)
     sigma = np.maximum(sigmas(cov), 1e-150)
     return cov / sigma[:, None] / sigma
 
@@ -58,7 +54,6 @@ def half(cov: Array) -> Array:
     -------
     ndarray, shape (..., n, n)
     """
-    expected.square("cov", cov)
     sigma = np.maximum(sigmas(cov), 1e-150)[..., :, None]
     values, vectors = np.linalg.eigh(cov / sigma / np.swapaxes(sigma, -1, -2))
     return sigma * vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
@@ -98,7 +93,7 @@ class GaussMarkov:
     time_constant_s: float = 1.0
 
     def __post_init__(self) -> None:
-        expected.positive_number("time_constant_s", self.time_constant_s)
+        expected.positive("time_constant_s", self.time_constant_s)
         if not 0 <= self.share <= 1:
             raise ValueError(f"share: expected a number from 0 to 1, got {self.share}")
 

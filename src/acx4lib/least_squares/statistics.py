@@ -59,7 +59,7 @@ def tails(x: float, weights: Array) -> tuple[float, float]:
     .. [2] R. Lugannani, S. Rice, "Saddle point approximation for the distribution of the sum of
        independent random variables", 1980.
     """
-    expected.not_negative("weights", weights)
+    expected.positive("weights", weights, zero=True)
     largest = float(np.max(weights, initial=0.0))
     if not largest > 0:
         raise ValueError("weights: expected one that is positive")
@@ -297,7 +297,7 @@ def critical_tau(critical: float, redundancy: float) -> float:
     -----
     Pope (1976): tau^2 = r t^2 / (r - 1 + t^2), t of Student's distribution with r - 1.
     """
-    expected.positive_number("critical", critical)
+    expected.positive("critical", critical)
     if redundancy <= 1:
         return np.inf
     t = t_isf(norm_sf(critical), redundancy - 1)
@@ -415,7 +415,7 @@ class SlowErrors:
 
     def __post_init__(self) -> None:
         m = len(self.sigma)
-        expected.not_negative("sigma", self.sigma)
+        expected.positive("sigma", self.sigma, zero=True)
         expected.shape("together", self.together, (m, m))
 
     def correlation(self, sigma: Array) -> Correlation:

@@ -68,7 +68,7 @@ class Coverage:
 
 def head_pose(orientation: RelativeOrientation, k: int) -> Pose:
     """Return T_s_h of a head, mm."""
-    expected.place("k", k, len(orientation.heads))
+    expected.places("k", k, len(orientation.heads))
     return Pose(R=rotation_from_opk(orientation.opk[k]), r=orientation.xyz_mm[k])
 
 
@@ -139,7 +139,7 @@ def footprint(orientation: RelativeOrientation, k: int, *, per_side: int = 1) ->
 
     It follows the outer pixel edges from the upper-left corner clockwise, and is closed.
     """
-    expected.place("k", k, len(orientation.heads))
+    expected.places("k", k, len(orientation.heads))
     expected.whole("per_side", per_side)
     camera = orientation.heads[k]
     w, h = camera.width_px, camera.height_px
@@ -229,7 +229,6 @@ def reduced_camera(camera: Camera, k: int) -> Camera:
     ValueError
         Where `k` is not positive, no whole number, or larger than the image.
     """
-    expected.instance("camera", camera, Camera)
     expected.whole("k", k)
     width, height = camera.width_px // k, camera.height_px // k
     if not (width and height):

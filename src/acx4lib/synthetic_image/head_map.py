@@ -139,7 +139,7 @@ def window_map(
     step_px : int
         Synthetic pixels from node to node.
     """
-    expected.place("k", k, len(orientation.heads))
+    expected.places("k", k, len(orientation.heads))
     expected.whole("step_px", step_px)
     row_0, row_1, col_0, col_1 = window
     rows = row_0 + step_px * np.arange(_n_nodes(row_1 - row_0, step_px))

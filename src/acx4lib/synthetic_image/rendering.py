@@ -174,8 +174,8 @@ def render_rows(
     is made darker, samples just below rise to it steadily, `compiled.SHOULDER` times as fast, so
     that a bright sky does not become speckled.
     """
-    expected.place("stop", stop, plan.height_px + 1)
-    expected.place("start", start, stop + 1)
+    expected.places("stop", stop, plan.height_px + 1)
+    expected.places("start", start, stop + 1)
     _require_images(plan, images)
     out = np.empty((stop - start, plan.width_px, images[0].shape[2]), images[0].dtype)
     render_into(out, plan, images, start, threads)
@@ -191,7 +191,7 @@ def render_into(
     """
     expected.whole("threads", 1 if threads is None else threads)
     _require_images(plan, images)
-    expected.place("start", start, plan.height_px - len(out) + 1)
+    expected.places("start", start, plan.height_px - len(out) + 1)
     expected.shape("out", out, ("rows", plan.width_px, images[0].shape[2]))
     if (out.dtype, out.flags.c_contiguous) != (images[0].dtype, True):
         raise ValueError(f"out must be contiguous, of {images[0].dtype}, like the images")

@@ -421,7 +421,6 @@ def overlap_samples(
     ValueError
         Where the images are not those of the heads.
     """
-    expected.instance("rng", rng, np.random.Generator)
     expected.whole("n_points", n_points)
     images = [_with_bands(image) for image in images]
     _check_images(images, orientation)
@@ -444,7 +443,6 @@ def overlap_samples(
 
 
 def _check_images(images: Sequence[Image], orientation: RelativeOrientation) -> None:
-    expected.many("images", images, len(orientation.heads), "images, one for each head")
     for image, head in zip(images, orientation.heads, strict=True):
         expected.shape(f"image of {head.name}", image, (head.height_px, head.width_px, "bands"))
 

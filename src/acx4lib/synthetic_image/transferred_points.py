@@ -61,10 +61,10 @@ class TransferredPoints:
     n_left_out: int = 0
 
     def __post_init__(self) -> None:
-        expected.whole_numbers("exposure_idx", self.exposure_idx)
+        expected.shape("exposure_idx", self.exposure_idx)
         n = len(self.exposure_idx)
-        expected.whole_numbers("point_idx", self.point_idx, (n,))
-        expected.whole_numbers("camera_idx", self.camera_idx, (n,))
+        expected.shape("point_idx", self.point_idx, (n,))
+        expected.shape("camera_idx", self.camera_idx, (n,))
         for name in ("colrow", "sigma_px"):
             expected.shape(name, getattr(self, name), (n, 2))
             expected.finite(name, getattr(self, name))
@@ -121,8 +121,6 @@ def transfer(
     ValueError
         Where a camera of the block is no head.
     """
-    expected.instance("block", block, Block)
-    expected.instance("synthetic", synthetic, Camera)
     heads = _numbers_of_heads(block, orientation)
     rows = _nearest_to_the_middle(block, heads, orientation.heads)
     points = block.image_points[rows]
@@ -267,9 +265,7 @@ def parameter_covariance(
     normal equations d(parameters) / d(points), in the two-step methods by way of eqs (12) and (13),
     times d(points) / d(heads) by differences of a standard deviation to both sides.
     """
-    expected.instance("mounting", mounting, Mounting)
     network, solution = mounting.bundle.network, mounting.bundle.solution
-    expected.many("transferred", transferred, len(network.block.image_points), "measurements")
     by_bundle = mounting.by_bundle
     if by_bundle is None:
         by_bundle = np.eye(mounting.calibration.n_columns, network.n_columns)

@@ -147,7 +147,7 @@ def _check(a: Array, b: Array, at: Index, near: Array) -> None:
     """Raise a ValueError where the arguments are not two images and positions in them."""
     expected.shape("a", a, ("rows", "cols"))
     expected.shape("b", b, ("rows", "cols"))
-    expected.whole_numbers("at", at, ("n", 2))
+    expected.shape("at", at, ("n", 2))
     expected.shape("near", near, (len(at), 2))
 
 

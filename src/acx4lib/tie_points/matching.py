@@ -80,12 +80,9 @@ class TieOptions:
         for name in ("cell_px", "cells", "search_px", "coarse_search_px"):
             expected.whole(name, getattr(self, name))
         for name in ("least_texture", "largest_sigma_px", "consensus_px"):
-            expected.size(name, getattr(self, name))
+            expected.positive(name, getattr(self, name), zero=True)
         if not -1 <= self.least_correlation <= 1:
-            msg = (
-                "least_correlation: expected a number from -1 to 1, got "
-                f"{expected.given(self.least_correlation)}"
-            )
+            msg = f"least_correlation: expected from -1 to 1, got {self.least_correlation}"
             raise ValueError(msg)
 
 

@@ -169,12 +169,6 @@ def test_a_geoid_grid_is_brought_into_the_flight(acx4, tmp_path):
     assert "PROJ cannot read it as a geoid grid" in said
 
 
-def test_compare_names_the_notebook(acx4):
-    status, said, wrong = acx4("compare", "a", "b", "--out", "c")
-    assert (status, said, wrong.count("\n")) == (2, "", 1)
-    assert wrong.startswith("compare is gone; instead: papermill notebooks/compare.ipynb")
-
-
 # --- the commands `acx4 lab` and `acx4 grade`, as a lecturer meets them ----------------------
 
 
@@ -207,7 +201,7 @@ def test_a_quiz_is_two_question_banks_and_no_flight(with_key, tmp_path):
     lab = ("lab", "2", "--student", "Ada", "--key", "key.txt", "--quiz")
     assert with_key(*lab) == (0, "quiz-2-ada\n", "")
     files = {path.name for path in (tmp_path / "quiz-2-ada").iterdir()}
-    assert files == {"questions.gift", ".acx4.json"}
+    assert files == {"questions.gift"}
     assert with_key(*lab)[0] == 2  # it is there already
 
 

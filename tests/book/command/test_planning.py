@@ -141,8 +141,6 @@ def test_what_cannot_be_done_is_said_in_a_line(acx4, tmp_path):
     status, _, err = acx4("simulate", path, "--plan", tmp_path / "q.toml")
     assert status == 2
     assert err.startswith("--plan is of a design: acx4, acx4-ideal, single-head; got ")
-    status, _, err = acx4("simulate", path, "--out", tmp_path / "f", "--refraction")
-    assert (status, err.count("\n")) == (2, 1)
     status, _, err = acx4("simulate", tmp_path / "none.toml", "--out", tmp_path / "f")
     assert status == 2
     assert "none.toml" in err

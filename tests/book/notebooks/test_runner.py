@@ -9,8 +9,8 @@ import acx4sim
 from acx4book.notebooks import runner
 from acx4book.notebooks.execute import NotebookError
 from acx4files.results import folder as results
-from acx4files.results import own_folder, provenance
-from acx4files.results.own_folder import MARK
+from acx4files.results import provenance
+from acx4files.results.own_folder import LOCK
 from acx4files.results.whole_files import SCRATCH
 from support.flights import written
 from support.helpers import write_notebook
@@ -65,10 +65,7 @@ def test_two_runs_leave_the_same_bytes_and_skipped_stages_leave_nothing(
     told = []
     for name in ("one", "two"):
         folder = tmp_path / name / "results"
-        with own_folder.claim(folder, command=runner.COMMAND) as own:
-            own.expect(results.FILES)
-            results.replace(folder, ["heads"], tables={}, summary={"heads/bundle/OLD": {}})
-            own.seal()
+        results.replace(folder, ["heads"], tables={}, summary={"heads/bundle/OLD": {}})
         report = runner.run(
             flight_path,
             folder,
@@ -77,12 +74,10 @@ def test_two_runs_leave_the_same_bytes_and_skipped_stages_leave_nothing(
         )
     one, two = contents(tmp_path / "one"), contents(tmp_path / "two")
     assert sorted(one) == sorted(
-        [f"results/{name}" for name in (*results.FILES, provenance.FILE, MARK)]
+        [f"results/{name}" for name in (*results.FILES, LOCK)]
         + [f"results/{provenance.KEPT}/{name}" for name in provenance.read(folder).files]
         + [f"results/notebooks/{runner.NOTEBOOKS[s]}.ipynb" for s in (*report.ran, "flight")]
     )
-    # The folder's own name stands in the cell of the parameters, and so in its checksum.
-    del one[f"results/{MARK}"], two[f"results/{MARK}"]
     assert one == {k: v.replace(b"/two/", b"/one/") for k, v in two.items()}
     assert report.ran == ("mounting", "validation")
     assert report.skipped == (
@@ -109,17 +104,16 @@ def test_a_failing_notebook_changes_nothing_and_is_kept_until_it_succeeds(
     before = contents(folder)
     name = "04-validation.ipynb"
     good = (notebooks_path / name).read_bytes()
-    write_notebook(notebooks_path / name, PARAMETERS, keep("validation", "two_step"), "1 / 0")
+    write_notebook(notebooks_path / name, PARAMETERS, "1 / 0", keep("validation", "two_step"))
     with pytest.raises(NotebookError) as caught:
         runner.run(flight_path, folder, notebooks=notebooks_path)
     assert (
-        str(caught.value) == "notebook 04-validation, cell 3: ZeroDivisionError: division by zero"
+        str(caught.value) == "notebook 04-validation, cell 2: ZeroDivisionError: division by zero"
     )
     assert caught.value.__notes__ == undetermined["not_determined"]
     after = contents(folder)
     assert b"division by zero" in after.pop(f"failed/{name}")
-    assert after.pop(MARK) != before[MARK]
-    assert after == {name: content for name, content in before.items() if name != MARK}
+    assert after == before
     (notebooks_path / name).write_bytes(good)
     report = runner.run(flight_path, folder, stages=["validation"], notebooks=notebooks_path)
     assert contents(folder) == before
@@ -197,7 +191,7 @@ def test_what_a_killed_run_left_behind_is_removed(tmp_path, flight_path, noteboo
     (tmp_path / "results" / f"{SCRATCH}x" / "notebooks").mkdir(parents=True)
     runner.run(flight_path, tmp_path / "results", stages=[], notebooks=notebooks_path)
     assert {path.name for path in (tmp_path / "results").iterdir()} == {
-        *(*results.FILES, provenance.FILE, provenance.KEPT, "notebooks", MARK)
+        *(*results.FILES, provenance.KEPT, "notebooks", LOCK)
     }
 
 

@@ -80,7 +80,7 @@ def test_the_certificate_says_what_the_report_says_and_leads_to_it(site):
 
 
 def test_the_first_page_names_every_table_that_was_read(site, results):
-    told = json.loads((results / "provenance.json").read_text())["files"]
+    told = json.loads((results / "summary.json").read_text())["run"]["files"]
     text = page(site, "index.html").text
     assert all(name in text and digest in text for name, digest in told.items())
 

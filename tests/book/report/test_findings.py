@@ -103,9 +103,9 @@ def test_a_method_without_a_solution_fails(folder):
 
 
 def test_a_flight_changed_between_stages_fails(folder):
-    said = json.loads((folder / "provenance.json").read_text())
-    said["stages"]["mounting"]["flight"] = "0" * 64
-    (folder / "provenance.json").write_text(json.dumps(said))
+    said = json.loads((folder / "summary.json").read_text())
+    said["run"]["stages"]["mounting"]["flight"] = "0" * 64
+    (folder / "summary.json").write_text(json.dumps(said))
     answer = state(folder, "One state of the data")
     assert answer[0] == "fails"
     assert "after mounting had run" in answer[1]

@@ -12,13 +12,13 @@ from acx4book.report.markdown import Document, to_html
 from acx4book.report.material import Material, block_of, image_residuals
 from acx4files import flight as flights
 from acx4files.flight.settings import Certificate, Device, Session
-from acx4files.results import adjustments, folder
+from acx4files.results import folder
 from acx4files.results.adjustments import of_transferred
 from acx4files.results.provenance import Provenance
 from acx4lib.synthetic_image.transferred_points import transfer
 from support import figures
 from support.flights import in_heads, pictured
-from support.run_results import SINGLE
+from support.run_results import SINGLE, put
 
 # --- material --------------------------------------------------------------------------------
 #
@@ -33,7 +33,7 @@ def material(tmp_path_factory):
     transferred = {
         name: transfer(flight.block(name), orientation, camera) for name in flight.transferred
     }
-    adjustments.write(results, "synthetic", [of_transferred(flight, transferred)])
+    put(results, "synthetic", [of_transferred(flight, transferred)])
     return Material(
         found=folder.read(results),
         flight=flight,

@@ -235,7 +235,7 @@ def test_answers_are_read(tmp_path):
         ("\0" * 100, "null"),
         (GOOD + '"', "quotes closed"),
         ("x" * 2_000_000, "at most"),
-        ("student," * 5000, "columns"),
+        ("student," * 5000, "missing in the header"),
     ],
 )
 def test_a_hostile_file_is_a_sentence(tmp_path, text, says):
@@ -279,7 +279,7 @@ def test_decimal_commas_and_semicolons_of_spreadsheets_are_read(tmp_path, cell, 
 
 def test_the_line_of_a_fault_is_that_of_the_file_with_semicolons_too(tmp_path):
     path = tmp_path / "answers.csv"
-    path.write_text(GOOD.replace("y_mm", "x_mm").replace("1.5", "-1,5").replace(",", ";"))
+    path.write_text(GOOD.replace("y_mm", "x_mm").replace(",", ";"))
     with pytest.raises(FlightError, match=r"answers\.csv:3: question: 'x_mm' stands in line 2"):
         handed_in.read(path)
 

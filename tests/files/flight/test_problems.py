@@ -158,14 +158,14 @@ REPLACED = [
         TRAJECTORY,
         "669850.0,7187900.0,1900.0",
         "669850.0,7187900.0,190.0",
-        ":2: height_m: 190.0 is below control point 'G1' at 906; must lie above the control points "
+        ":2: height_m: 190 is below control point 'G1' at 906; must lie above the control points "
         "of control_points.csv",
     ),
     (
         TRAJECTORY,
         "669850.0,",
         "66985000,",
-        ":2: east_m: 66985000, 7187900.0 is nowhere; must be a position that EPSG:31982 covers, "
+        ":2: east_m: 66985000, 7187900 is nowhere; must be a position that EPSG:31982 covers, "
         "easting first",
     ),
     (CONTROL, "G1,", "G0,", ":3: point: 'G0' stands in line 2 already; every point once"),

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 # ruff: noqa: E501 a message stands on one line
-import csv
 import datetime as dt
-import io
 import re
 import tomllib
 from dataclasses import replace
@@ -14,8 +12,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 import acx4sim
@@ -24,7 +20,6 @@ from acx4files.flight import reader
 from acx4files.flight.reader import from_tables, table_files
 from acx4files.flight.settings import Apriori, Synthetic, camera_of, camera_table, camera_toml
 from acx4files.flight.summary import summary
-from acx4files.flight.tables import read_header, read_rows
 from acx4lib.block import Block
 from acx4lib.calibration import mounting
 from acx4lib.errors import FlightError
@@ -655,16 +650,16 @@ def test_a_checksum_tells_tables_apart():
 POINTS = "calibration.image_points"
 COL = TABLES["image_points"]["col_px"].to_numpy()
 WRONG = [
-    ({"sigma_px": 0.5}, f": sigma_px: the single value 0.5; must be one for each row: np.full({N}, 0.5)"),
+    ({"sigma_px": 0.5}, f": sigma_px: an array of shape (); must be one value for each row, shape ({N},)"),
     ({"sigma_px": [0.0] + [0.5] * (N - 1)}, ", row 0: sigma_px: 0.0; must be positive, at most 1e6"),
     ({"sigma_px": np.ones((N, 2))}, f": sigma_px: an array of shape ({N}, 2); must be one value for each row, shape ({N},)"),
-    ({"col_px": COL[:-1]}, f": col_px: {N - 1} values; must be {N}, as image has"),
+    ({"col_px": COL[:-1]}, f": col_px: an array of shape ({N - 1},); must be one value for each row, shape ({N},)"),
     ({"col_px": [np.nan, *COL[1:]]}, ", row 0: col_px: 'nan'; must be a finite number"),
     ({"col_px": [None, *COL[1:]]}, ", row 0: col_px: is empty; must be a finite number"),
     ({"col_px": [10**400, *COL[1:]]}, ", row 0: col_px: '1000"),
     ({"col_px": ["7,5", *COL[1:]]}, ", row 0: col_px: '7,5' (a decimal comma?); must be a finite number"),
     ({"col_px": [True, *COL[1:].tolist()]}, ", row 0: col_px: 'True'; must be a finite number"),
-    ({"col_px": [4000.0, *COL[1:]]}, ", row 0: col_px: 4000.0; must lie on the sensor of CAM, from -0.5 to 3999.5"),
+    ({"col_px": [4000.0, *COL[1:]]}, ", row 0: col_px: 4000; must lie on the sensor of CAM, from -0.5 to 3999.5"),
     ({"image": ["E9_CAM", *TABLES["image_points"]["image"][1:]]}, ", row 0: image: 'E9_CAM' is unknown"),
     ({"point": [1.5, *TABLES["image_points"]["point"][1:]]}, ", row 0: point: 1.5; must be a name: text, or a whole number"),
     ({"point": [pd.NA, *TABLES["image_points"]["point"][1:]]}, ", row 0: point: is empty; must be a name"),
@@ -753,7 +748,7 @@ def test_missing_columns_and_rows_are_told():
     ]
     none = TABLES["image_points"].iloc[:0]
     assert told(calibration={**TABLES, "image_points": none})[0] == (
-        "calibration.image_points: table: has no rows; must have one at least"
+        "calibration.image_points: table: has no rows; at least one row under the header"
     )
 
 
@@ -926,45 +921,6 @@ def test_what_is_stated_is_read_and_the_rest_is_empty(tmp_path):
 def test_a_fault_is_one_line_that_says_what_it_must_be(tmp_path, text, says):
     (line,) = flight_problems(stating(tmp_path, text))
     assert says in line
-
-
-# --- rows as Python's module csv reads them, whether commas alone cut a text or not ----------
-
-
-CELLS = st.text(alphabet=" 1ü\x0b\x85\u2028", max_size=3)
-END = st.sampled_from(["\n", "\r\n", "\r"])
-
-
-@given(rows=st.lists(st.tuples(CELLS, CELLS, CELLS), max_size=30), end=END, quoted=st.booleans())
-def test_rows_are_those_of_the_module_csv(rows, end, quoted):
-    header = '"a",b,c' if quoted else "a,b,c"
-    text = end.join([header, *map(",".join, rows)])
-    found, problems = read_rows(text, "t.csv", width=3, wanted={"a": 0, "c": 2}, names=["a"])
-    _, *expected = csv.reader(io.StringIO(text, newline=""))
-    while expected and not any(map(str.strip, expected[-1])):
-        expected.pop()
-    assert not problems
-    assert list(zip(found.columns["a"], found.columns["c"], strict=True)) == [
-        (first, last) for first, _, last in expected
-    ]
-    assert list(found.lines) == list(range(2, 2 + len(expected)))
-
-
-@pytest.mark.parametrize("quote", ["", '"'])
-def test_a_long_cell_is_named_with_its_line_and_long_tables_are_read_in_parts(quote):
-    longest = csv.field_size_limit()
-    rows = [f"{k},{'x' * 1000}" for k in range(longest // 500)]
-    text = "\n".join([f"{quote}a{quote},b", *rows])
-    found, problems = read_rows(text, "t.csv", width=2, wanted={"a": 0})
-    assert not problems
-    assert found.columns["a"] == [str(k) for k in range(len(rows))]
-    _, (problem,) = read_rows(f"{text}\n{'y' * (longest + 1)},", "t.csv", width=2, wanted={"a": 0})
-    assert (problem.line, problem.found) == (len(rows) + 2, "a cell is too long")
-
-
-def test_a_quoted_header_may_have_more_than_one_line():
-    assert read_header('"a\nb",c\n1,2\n', "t.csv") == (["a\nb", "c"], ())
-    assert read_header("a,b\n1,2\n", "t.csv") == (["a", "b"], ())
 
 
 # --- cameras as flight.toml has them, there and back -----------------------------------------

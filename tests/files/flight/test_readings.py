@@ -13,8 +13,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from acx4files import flight
-from acx4files.flight.readings import height_readings, of_cameras, pixel_readings, readings
-from acx4files.flight.tables import Table
+from acx4files.conventions import height_readings, meanings, of_camera, pixel_readings
 from acx4lib.geometry.frames import rotation_from_opk, rotation_from_rph
 from acx4lib.geometry.geodesy import GridSystem
 from support.flights.written import CONTROL, POINTS, TOML, TRAJECTORY, change, replace, write_flight
@@ -45,39 +44,51 @@ def z_down(table: pd.DataFrame) -> pd.DataFrame:
 
 
 MISFITS = [
-    ("grid", CONTROL, swapped("east_m", "north_m"), "east_m", "east_m and north_m were swapped"),
+    ("grid", CONTROL, swapped("east_m", "north_m"), "east_m", "east_m, north_m were swapped"),
     (
         "geographic",
         CONTROL,
         swapped("east_m", "north_m"),
         "east_m",
-        "east_m and north_m were swapped",
+        "east_m, north_m were swapped",
     ),
-    ("grid", TRAJECTORY, swapped("east_m", "north_m"), "east_m", "east_m and north_m were swapped"),
-    ("grid", CONTROL, to_other_zone, "east_m", "east_m and north_m were of UTM zone 21S"),
-    ("grid", TRAJECTORY, to_other_zone, "east_m", "east_m and north_m were of UTM zone 21S"),
+    ("grid", TRAJECTORY, swapped("east_m", "north_m"), "east_m", "east_m, north_m were swapped"),
+    ("grid", CONTROL, to_other_zone, "east_m", "east_m, north_m were of UTM zone 21S"),
+    ("grid", TRAJECTORY, to_other_zone, "east_m", "east_m, north_m were of UTM zone 21S"),
     (
         "geographic",
         TRAJECTORY,
         swapped("lat_deg", "lon_deg"),
         "lat_deg",
-        "latitude and longitude were swapped",
+        "lat_deg, lon_deg were swapped",
     ),
     (
         "geographic",
         TRAJECTORY,
         in_radians("lat_deg", "lon_deg"),
         "lat_deg",
-        "latitude and longitude were in radians",
+        "lat_deg, lon_deg were in radians",
     ),
-    ("geographic", TRAJECTORY, negative("lon_deg"), "lon_deg", "lon_deg were of opposite sign"),
-    ("geographic", TRAJECTORY, negative("lat_deg"), "lat_deg", "lat_deg were of opposite sign"),
+    (
+        "geographic",
+        TRAJECTORY,
+        negative("lon_deg"),
+        "lat_deg",
+        "lat_deg, lon_deg were of opposite sign (lon_deg)",
+    ),
+    (
+        "geographic",
+        TRAJECTORY,
+        negative("lat_deg"),
+        "lat_deg",
+        "lat_deg, lon_deg were of opposite sign (lat_deg)",
+    ),
     (
         "geographic",
         TRAJECTORY,
         negative("lat_deg", "lon_deg"),
         "lat_deg",
-        "lat_deg, lon_deg were of opposite sign",
+        "lat_deg, lon_deg were of opposite sign (both)",
     ),
     (
         "geographic",
@@ -211,24 +222,25 @@ def trajectory(form):
         places = {"lat_deg": np.array([49.0, 50.0, 51.0]), "lon_deg": np.array([12.0, 15.0, 17.0])}
     numbers = {**places, "height_m": np.array([1000.0, 1500.0, 990.0])}
     numbers |= dict(zip(names, ANGLES.T, strict=True))
-    return Table(file="trajectory.csv", lines=np.arange(2, 5), numbers=numbers)
+    return numbers
 
 
 def angles(table, form):
     kappa = ("omega_deg", "phi_deg", "kappa_deg")
-    return table.stack(*(kappa if form == "grid" else ("roll_deg", "pitch_deg", "heading_deg")))  # noqa: PD013 no frame's
+    names = kappa if form == "grid" else ("roll_deg", "pitch_deg", "heading_deg")
+    return np.stack([table[name] for name in names], axis=-1)
 
 
 def named(form):
-    return {reading.name: reading for reading in readings(trajectory(form), GRID)}
+    return {reading.name: reading for reading in meanings(trajectory(form), GRID)}
 
 
 @pytest.mark.parametrize("form", ["grid", "geodetic"])
 def test_no_two_readings_have_one_name_or_one_meaning(form):
-    found = list(readings(trajectory(form), GRID))
+    found = list(meanings(trajectory(form), GRID))
     assert len({reading.name for reading in found}) == len(found) >= 30
-    numbers = [tuple(np.round(angles(r.table, form), 9).ravel()) for r in found]
-    heights = [tuple(r.table.numbers["height_m"]) for r in found]
+    numbers = [tuple(np.round(angles(r.numbers, form), 9).ravel()) for r in found]
+    heights = [tuple(r.numbers["height_m"]) for r in found]
     assert len({*zip(numbers, heights, strict=True)}) == len(found)
 
 
@@ -242,7 +254,7 @@ def test_no_two_readings_have_one_name_or_one_meaning(form):
     ],
 )
 def test_other_orders_are_scipys_intrinsic_rotations(form, name, order, columns):
-    turned = np.radians(angles(named(form)[name].table, form))
+    turned = np.radians(angles(named(form)[name].numbers, form))
     R = rotation_from_opk(turned) if form == "grid" else rotation_from_rph(turned)
     expected = Rotation.from_euler(order, ANGLES[:, columns], degrees=True).as_matrix()
     assert_allclose(R, expected, atol=1e-12)
@@ -251,14 +263,14 @@ def test_other_orders_are_scipys_intrinsic_rotations(form, name, order, columns)
 @pytest.mark.parametrize("form", ["grid", "geodetic"])
 def test_the_transposed_rotation_is_the_inverse(form):
     (reading,) = (r for name, r in named(form).items() if "transposed" in name)
-    turned, given = np.radians(angles(reading.table, form)), np.radians(ANGLES)
+    turned, given = np.radians(angles(reading.numbers, form)), np.radians(ANGLES)
     rotation = rotation_from_opk if form == "grid" else rotation_from_rph
     assert_allclose(rotation(turned) @ rotation(given), np.tile(np.eye(3), (3, 1, 1)), atol=1e-12)
 
 
 def test_a_heading_from_grid_north_differs_by_the_convergence():
     """To first order, the convergence is the difference of longitude times sin(latitude)."""
-    turned = angles(named("geodetic")["heading from grid north"].table, "geodetic")
+    turned = angles(named("geodetic")["heading from grid north"].numbers, "geodetic")
     lat, lon = np.array([49.0, 50.0, 51.0]), np.array([12.0, 15.0, 17.0])
     expected = (lon - 15.0) * np.sin(np.radians(lat))
     assert_allclose(turned[:, 2] - ANGLES[:, 2], expected, atol=2e-3)  # third order: 0.0012
@@ -266,20 +278,20 @@ def test_a_heading_from_grid_north_differs_by_the_convergence():
 
 def test_units_and_rows_are_what_they_say():
     found = named("grid")
-    assert_allclose(angles(found["omega, phi, kappa in gon"].table, "grid"), ANGLES * 0.9)
+    assert_allclose(angles(found["omega, phi, kappa in gon"].numbers, "grid"), ANGLES * 0.9)
     assert_allclose(
-        angles(found["omega, phi in radians"].table, "grid")[:, :2], np.degrees(ANGLES[:, :2])
+        angles(found["omega, phi in radians"].numbers, "grid")[:, :2], np.degrees(ANGLES[:, :2])
     )
-    after = found["positions, angles of the next row"].table
+    after = found["positions, angles of the next row"].numbers
     assert_allclose(angles(after, "grid"), ANGLES[[1, 2, 2]])
-    assert_allclose(after.numbers["east_m"], [4.1e5, 3e5, 3e5])
-    assert_allclose(found["height in feet"].table.numbers["height_m"], [304.8, 457.2, 301.752])
+    assert_allclose(after["east_m"], [4.1e5, 3e5, 3e5])
+    assert_allclose(found["height in feet"].numbers["height_m"], [304.8, 457.2, 301.752])
 
 
 def test_angles_of_a_camera_give_the_body_by_its_boresight():
     R_b_c = Rotation.from_euler("XYZ", [0.5, -1.6, 90.0], degrees=True)
-    (reading,) = of_cameras(trajectory("grid"), R_b_c.as_matrix())
-    body = Rotation.from_euler("XYZ", angles(reading.table, "grid"), degrees=True)
+    (reading,) = of_camera(trajectory("grid"), R_b_c.as_matrix())
+    body = Rotation.from_euler("XYZ", angles(reading.numbers, "grid"), degrees=True)
     camera = Rotation.from_euler("XYZ", ANGLES, degrees=True)
     assert_allclose((body * R_b_c).as_matrix(), camera.as_matrix(), atol=1e-12)
 

@@ -18,7 +18,6 @@ from acx4files.images.flight_images import render_flight
 from acx4files.images.tiff import read_about
 from acx4files.results import adjustments
 from acx4files.results import folder as found_results
-from acx4files.results.own_folder import MARK
 from acx4lib.calibration.heads import declared_orientation
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.geometry.camera import Camera, Interior
@@ -65,7 +64,7 @@ def image(folder, exposure):
 
 
 def names(folder):
-    return sorted(path.name for path in folder.iterdir() if path.name != MARK)
+    return sorted(path.name for path in folder.iterdir())
 
 
 def misfit(found, scene):
@@ -184,7 +183,6 @@ def test_heads_are_needed_with_their_orientation(rendered, own, tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(FlightError, match="no results of stage heads; run first"):
         rendered(of=(flight, tmp_path / "empty"))
-    (results / MARK).unlink()  # else the change would be refused
     said = {"heads/relative_orientation": {"left_out": ["RIGHT is not determined"]}}
     found_results.replace(results, ["heads/relative_orientation"], tables={}, summary=said)
     with pytest.raises(AdjustmentError, match="RIGHT is not determined"):
@@ -193,9 +191,11 @@ def test_heads_are_needed_with_their_orientation(rendered, own, tmp_path):
 
 def test_a_refined_orientation_goes_before_the_other(rendered, own):
     refined = pictured.orientation()
-    (own[1] / MARK).unlink()
     adjustments.write(
-        own[1], "synthetic", [adjustments.of_relative_orientation("synthetic", "refined", refined)]
+        own[1],
+        "synthetic",
+        [adjustments.of_relative_orientation("synthetic", "refined", refined)],
+        flight=flights.read(own[0]),
     )
     _, report = rendered(of=own)
     assert report.notes[0] == f"heads as {own[1]} has them, synthetic/refined"
@@ -206,9 +206,11 @@ def test_heads_refined_by_each_images_tie_points_fit_better(rendered, own):
     """With RIGHT turned by 0.02 degrees about its axis, some px at its border."""
     wrong = pictured.orientation()
     wrong.opk[1, 2] += np.radians(0.2)
-    (own[1] / MARK).unlink()
     adjustments.write(
-        own[1], "synthetic", [adjustments.of_relative_orientation("synthetic", "refined", wrong)]
+        own[1],
+        "synthetic",
+        [adjustments.of_relative_orientation("synthetic", "refined", wrong)],
+        flight=flights.read(own[0]),
     )
     rms = {}
     for refine in ("flight", "image"):

@@ -23,7 +23,6 @@ from acx4files.measuring.views import (
     pixels_of,
     transferred,
 )
-from acx4files.results import own_folder
 from acx4lib.errors import FlightError
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose, exp
@@ -56,8 +55,7 @@ def test_a_pair_keeps_what_agrees_in_both_directions(views, surface, tmp_path):
     job = PairJob(
         a=views[0], b=views[1], surface=surface, at_a=at[0], at_b=at[1], options=MatchOptions()
     )
-    with own_folder.claim(tmp_path / "out", command="acx4 measure") as own:
-        ((there, back),) = Matching(own=own).run([job], lambda *_: None)
+    ((there, back),) = Matching(folder=tmp_path).run([job], lambda *_: None)
     assert len(there) > 10
     assert len(back) > 10
 
@@ -134,25 +132,22 @@ class Forbidden:
 
 def test_a_pair_that_was_matched_is_not_matched_again(job, tmp_path):
     told = []
-    with own_folder.claim(tmp_path / "out", command="acx4 measure") as own:
-        (first,) = Matching(own=own).run([job], lambda *n: told.append(n))
+    (first,) = Matching(folder=tmp_path / FOLDER).run([job], lambda *n: told.append(n))
     assert told == [(0, 1), (1, 1)]
-    with own_folder.claim(tmp_path / "out", command="acx4 measure") as own:
-        matching = Matching(own=own, executor=Forbidden())
-        (again,) = matching.run([job], lambda *n: told.append(n))
-        assert told[2:] == [(1, 1)]
-        for a, b in zip(first, again, strict=True):
-            np.testing.assert_array_equal(a.colrow, b.colrow)
-        matching.forget()
-    assert not (tmp_path / "out" / FOLDER).exists()
+    matching = Matching(folder=tmp_path / FOLDER, executor=Forbidden())
+    (again,) = matching.run([job], lambda *n: told.append(n))
+    assert told[2:] == [(1, 1)]
+    for a, b in zip(first, again, strict=True):
+        np.testing.assert_array_equal(a.colrow, b.colrow)
+    matching.forget()
+    assert not (tmp_path / FOLDER).exists()
 
 
 def test_a_damaged_pair_is_matched_again(job, tmp_path):
-    with own_folder.claim(tmp_path / "out", command="acx4 measure") as own:
-        (first,) = Matching(own=own).run([job], lambda *_: None)
-        (path,) = (own.path / FOLDER).iterdir()
-        path.write_bytes(path.read_bytes()[:100])
-        (again,) = Matching(own=own).run([job], lambda *_: None)
+    (first,) = Matching(folder=tmp_path).run([job], lambda *_: None)
+    (path,) = tmp_path.iterdir()
+    path.write_bytes(path.read_bytes()[:100])
+    (again,) = Matching(folder=tmp_path).run([job], lambda *_: None)
     np.testing.assert_array_equal(first[0].colrow, again[0].colrow)
 
 

@@ -19,6 +19,7 @@ from acx4lib.least_squares.covariance import GaussMarkov
 from support import blocks
 from support.flights import simulated as flown
 from support.helpers import dense_covariance
+from support.run_results import put
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")
 GNSS = ("shift", "drift")
@@ -266,7 +267,7 @@ def noisy(striped):
 def folder(tmp_path_factory, noisy):
     path = tmp_path_factory.mktemp("results")
     found = mounting.calibrate(noisy, free=FREE, gnss=GNSS)
-    adjustments.write(path, "mounting", adjustments.of_mountings(found))
+    put(path, "mounting", adjustments.of_mountings(found))
     return path
 
 

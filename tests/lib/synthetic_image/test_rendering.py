@@ -450,5 +450,5 @@ def test_a_response_of_other_bands_is_refused():
 
 
 def test_rows_outside_the_image_are_refused():
-    with pytest.raises(ValueError, match="stop: expected a whole number from 0 to 4, got 5"):
+    with pytest.raises(ValueError, match="stop: expected whole numbers from 0 to 4, got 5"):
         render_rows(identity(6, 4), [np.zeros((4, 6, 1), np.uint8)], 2, 5)

@@ -9,9 +9,8 @@ import numpy as np
 import pandas as pd
 import tifffile
 
-from acx4book.notebooks import runner
 from acx4files import flight as flown
-from acx4files.results import adjustments, own_folder, provenance
+from acx4files.results import adjustments
 from acx4files.results import folder as results
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.frames import Pose
@@ -104,13 +103,8 @@ def head_path(folder: Path, exposure: str, head: str) -> Path:
 
 def write_results(folder: Path, flight: Path) -> Path:
     """Write results of the heads stage, as exact as the flight is."""
-    with own_folder.claim(folder, command=runner.COMMAND) as own:
-        provenance.prepare(own, flown.read(flight), [])
-        found = [
-            adjustments.of_relative_orientation("heads", "relative_orientation", orientation())
-        ]
-        adjustments.write(folder, "heads", found)
-        bundles = {f"heads/bundle/{name}": {"converged": True} for name in HEADS}
-        results.replace(folder, ["heads/bundle"], tables={}, summary=bundles)
-        own.seal()
+    found = [adjustments.of_relative_orientation("heads", "relative_orientation", orientation())]
+    adjustments.write(folder, "heads", found, flight=flown.read(flight))
+    bundles = {f"heads/bundle/{name}": {"converged": True} for name in HEADS}
+    results.replace(folder, ["heads/bundle"], tables={}, summary=bundles)
     return folder

@@ -16,7 +16,7 @@ from acx4files.flight.reader import Flight, checked
 from acx4files.flight.toml_file import read_toml
 from acx4files.results import folder, own_folder
 from acx4files.results.provenance import check_kept, read_run
-from acx4files.results.read_back import read_calibration, read_relative_orientation, refused
+from acx4files.results.read_back import read_calibration, read_relative_orientation
 from acx4files.results.rows import exterior_table
 from acx4files.results.whole_files import write_all
 from acx4lib import expected
@@ -116,8 +116,7 @@ def read(results: str | Path, *, method: str = "", heads: bool = False) -> Calib
     chosen = method or next(iter(usable), "")
     if chosen not in usable:
         raise FlightError([_missing(stored, chosen, ended, heads=heads)])
-    with refused(stored):
-        calibration = _calibration(stored, chosen, flight)
+    calibration = _calibration(stored, chosen, flight)
     return Calibrated(
         flight=flight,
         method=chosen,
@@ -329,7 +328,7 @@ def read_flown(path: Path) -> Flight:
         With all that is wrong with it.
     """
     present = [name for name in BLOCKS if (path / name).is_dir()]
-    blocks = [without_points(read_block(path, name, pictures=path), path) for name in present]
+    blocks = [without_points(read_block(path, name, pictures=path)) for name in present]
     return checked(read_toml(path / "flight.toml"), blocks)
 
 
@@ -486,9 +485,6 @@ def _taken(
 # --- Files that are exported for another program, and their folder
 
 
-COMMAND = "acx4 export"
-"""The command whose name marks the folders."""
-
 STATEMENT = "export.md"
 
 LARGEST_PX = 0.05
@@ -602,13 +598,10 @@ def write(taken: Taken, folder: Path, *, title: str, origin: str) -> None:
         Where the folder is somebody else's.
     """
     texts = {**taken.files, STATEMENT: _statement(taken, title=title, origin=origin)}
-    with own_folder.claim(folder, command=COMMAND) as claimed:
-        claimed.expect(texts)
+    with own_folder.claim(folder, signs=[STATEMENT]):
         for name in texts:
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
         write_all({folder / name: text for name, text in texts.items()})
-        claimed.remove([name for name in claimed.files if name not in texts])
-        claimed.seal()
 
 
 # --- Numbers, JSON and XML as text: numbers with all the digits that they have

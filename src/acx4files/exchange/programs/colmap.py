@@ -11,15 +11,24 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from acx4files.exchange import safe
 from acx4files.exchange.coordinates import AHEAD, FLIP, stacked, turned
+from acx4files.exchange.flight_folder import ImportedFlight
 from acx4files.exchange.lens import COLMAP as MODELS
-from acx4files.exchange.lens import Lens, Pinhole, Wrong
+from acx4files.exchange.lens import WORST_PX, Lens, Pinhole, Wrong
+from acx4files.exchange.options import (
+    Allow,
+    AsAdjusted,
+    BlockOfProject,
+    CrsOfFiles,
+    PixelUmOfProject,
+    Source,
+)
 from acx4files.exchange.project import (
     Images,
     InGrid,
@@ -27,9 +36,9 @@ from acx4files.exchange.project import (
     Project,
     Proof,
     as_they_are,
+    flight_of,
     grid_poses_of_ecef,
     nowhere,
-    reading,
     require_names,
 )
 from acx4files.exchange.safe import LONGEST_LINE, Cursor, Line, Opened, refusal
@@ -160,7 +169,43 @@ def project(source: Path, *, crs: str | None = None) -> Project:
     )
 
 
-read = reading(project, orientations="none")
+def read(
+    source: Annotated[Path, Source],
+    *,
+    block: BlockOfProject = None,
+    crs: CrsOfFiles = None,
+    orientations: AsAdjusted = "none",
+    pixel_um: PixelUmOfProject = None,
+    allow: Allow = WORST_PX,
+) -> ImportedFlight:
+    """Read a model of COLMAP: cameras, rigs, images and tie points, text or binary.
+
+    SOURCE is the folder of a model, often sparse/0, with cameras, images and points3D as .bin or
+    .txt; rigs and frames of COLMAP 3.12 and later are read, too. Measurements that belong to no
+    point are left out. A model has no coordinate system: with --crs its x, y, z are east, north and
+    height of that system, or its earth-centred coordinates, and --orientations adjusted makes a
+    trajectory of its poses, on which a boresight means nothing. With --crs local they are taken as
+    they are, and `acx4 run` calibrates the cameras in a free network; a distances.csv gives it
+    metres.
+
+    Examples
+    --------
+    acx4 import colmap sparse/0 --out my_flight
+    acx4 import colmap sparse/0 --crs local --out my_flight
+    acx4 import colmap aligned --crs EPSG:31982 --orientations adjusted --out my_flight
+
+    Raises
+    ------
+    FlightError
+        As `project` and `flight_of`.
+    """
+    return flight_of(
+        project(source, crs=crs),
+        orientations=orientations,
+        block=block,
+        pixel_um=pixel_um,
+        allow=allow,
+    )
 
 
 def _model(source: Path) -> _Model:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import TypeVar
+from typing import Annotated, TypeVar
 
 import numpy as np
 
@@ -30,8 +30,18 @@ from acx4files.exchange.coordinates import (
     stacked,
     turned,
 )
+from acx4files.exchange.flight_folder import ImportedFlight
 from acx4files.exchange.lens import METASHAPE as MODELS
-from acx4files.exchange.lens import Lens, Pinhole
+from acx4files.exchange.lens import WORST_PX, Lens, Pinhole
+from acx4files.exchange.options import (
+    Allow,
+    BlockOfProject,
+    CrsOfProject,
+    HeightsOfFlight,
+    Orientations,
+    PixelUmOfProject,
+    Source,
+)
 from acx4files.exchange.project import (
     DEGREES,
     METRES,
@@ -43,9 +53,9 @@ from acx4files.exchange.project import (
     Proof,
     Trajectory,
     as_they_are,
+    flight_of,
     grid_poses_of_ecef,
     nowhere,
-    reading,
     require_names,
     trajectory_in_grid,
     without_doubles,
@@ -104,11 +114,9 @@ ASSUMED = (
 def project(
     source: Path,
     *,
-    camera: str = "adjusted",
     orientations: str = "initial",
     crs: str | None = None,
     heights: str | float | None = None,
-    chunk: str | None = None,
 ) -> Project:
     """Return a chunk, or the cameras of a file without images.
 
@@ -116,27 +124,23 @@ def project(
     ----------
     source : Path
         XML that Metashape exported, a ``.psx`` or a ``chunk.zip``, or a calibration.
-    camera : {"adjusted", "initial"}
-        Which calibration is taken where there are both.
     orientations : {"initial", "adjusted", "none"}
         "initial" is what was measured of the cameras, "adjusted" what Metashape adjusted.
     crs : str, optional
         The flight's projected CRS; by default the chunk's own, or its UTM zone.
     heights : str or float, optional
         As the key of flight.toml; by default the chunk's own.
-    chunk : str, optional
-        Label of the chunk; by default the active one.
 
     Raises
     ------
     FlightError
         Where the file is no project of Metashape, or something in it cannot be.
     """
-    whole = _chunk(source, label=chunk)
+    whole = _chunk(source)
     listed = whole.root.maybe("cameras")
     if listed is None or next(listed.everywhere("camera"), None) is None:
-        return _cameras_alone(whole, camera)
-    sensors = _sensors(whole.root, wanted=camera)
+        return _cameras_alone(whole)
+    sensors = _sensors(whole.root)
     shots, doubled = _shots(whole.root, sensors)
     _require_some(whole, shots, orientations)
     system = _system(whole, shots, wanted=crs, heights=heights)
@@ -172,15 +176,52 @@ def project(
     )
 
 
-read = reading(project)
+def read(
+    source: Annotated[Path, Source],
+    *,
+    block: BlockOfProject = None,
+    crs: CrsOfProject = None,
+    heights: HeightsOfFlight = None,
+    orientations: Orientations = "initial",
+    pixel_um: PixelUmOfProject = None,
+    allow: Allow = WORST_PX,
+) -> ImportedFlight:
+    """Read a project of Metashape: cameras, images, markers, control, orientations.
+
+    SOURCE is an XML file that Metashape exported (File > Export > Export Cameras, or Export
+    Markers), a calibration that it saved, a project's .psx with its folder .files beside it, or a
+    chunk.zip of that folder. Of several chunks it is the active one.
+
+    Only marker locations that were measured are taken, not those that Metashape computed itself.
+    Tie points are not in these files. The trajectory is what was measured of the cameras, where
+    position and angles are there; with --orientations adjusted it is Metashape's own adjustment,
+    and then a boresight means nothing.
+
+    Examples
+    --------
+    acx4 import metashape cameras.xml --out my_flight
+    acx4 import metashape survey.psx --orientations adjusted --out my_flight
+
+    Raises
+    ------
+    FlightError
+        As `project` and `flight_of`.
+    """
+    return flight_of(
+        project(source, orientations=orientations, crs=crs, heights=heights),
+        orientations=orientations,
+        block=block,
+        pixel_um=pixel_um,
+        allow=allow,
+    )
 
 
-def _cameras_alone(whole: _Chunk, wanted: str) -> Project:
+def _cameras_alone(whole: _Chunk) -> Project:
     """Return a calibration that Metashape saved, or the sensors of a chunk without images."""
     if whole.root.tag == CALIBRATION:
         lenses = {Path(whole.sources[0].file).stem: _lens(whole.root)}
     else:
-        sensors = _sensors(whole.root, wanted=wanted).values()
+        sensors = _sensors(whole.root).values()
         lenses = {sensor.name: replace(sensor.lens, kind="") for sensor in sensors}
     return Project(source="Metashape's cameras", sources=whole.sources, lenses=lenses)
 
@@ -264,15 +305,15 @@ class _Chunk:
     others: tuple[str, ...] = ()
 
 
-def _chunk(source: Path, *, label: str | None = None) -> _Chunk:
-    """Return the active chunk, or that of a label."""
+def _chunk(source: Path) -> _Chunk:
+    """Return the active chunk, or the first where none is named."""
     files = Together()
     file = files.read(source)
     if file.data[:2] == b"PK":
         return _in_archive(file, files)
     root = safe.xml_tree(file)
     if root.tag == "document" and "path" in root.attributes:
-        return _of_project(file, root, label, files)
+        return _of_project(file, root, files)
     if root.tag == CALIBRATION:
         return _Chunk(root=root, frame=None, sources=(file,))
     if root.tag == "chunk":
@@ -281,9 +322,9 @@ def _chunk(source: Path, *, label: str | None = None) -> _Chunk:
         raise root.wrong("is no file of Metashape", "must begin with <document> or <chunk>")
     chunks = list(root.each("chunk"))
     labels = [chunk.attributes.get("label", "") for chunk in chunks]
-    k = _place(root, labels, label, 0)
-    others = tuple(labels[:k] + labels[k + 1 :])
-    return _whole(chunks[k], (file,), files, others=others)
+    if not chunks:
+        raise root.wrong("has no <chunk>", "must have one")
+    return _whole(chunks[0], (file,), files, others=tuple(labels[1:]))
 
 
 def _setting(chunk: _Chunk, name: str) -> float | None:
@@ -303,7 +344,7 @@ def _told(whole: _Chunk, work: Callable[[], T], element: Element | None = None) 
         raise (element or whole.root).wrong(message, "must be what a flight can have") from None
 
 
-def _of_project(file: Opened, root: Element, label: str | None, files: Together) -> _Chunk:
+def _of_project(file: Opened, root: Element, files: Together) -> _Chunk:
     """Return a chunk of a .psx; it names an archive with the names of the chunks' archives."""
     folder = Path(file.file).parent
     name = root.attribute("path").replace("{projectname}", Path(file.file).stem)
@@ -313,22 +354,20 @@ def _of_project(file: Opened, root: Element, label: str | None, files: Together)
     within = (folder / name).parent
     active = document.one("chunks").attributes.get("active_id")
     ids = [entry.attributes.get("id") for entry in listed]
+    if not listed:
+        raise document.wrong("has no <chunk>", "must have one")
     wanted = ids.index(active) if active in ids else 0
-    labels: list[str] = []
-    kept: dict[str, _Chunk] = {}
-    for k, entry in enumerate(listed):  # of chunks that are not wanted the label alone is kept
-        chunk = _in_archive(files.read(_inside(entry, within, entry.attribute("path"))), files)
-        labels.append(chunk.root.attributes.get("label", ""))
-        if k == wanted if label is None else labels[-1] == label:
-            kept.setdefault(labels[-1], chunk)
-    k = _place(document, labels, label, wanted)
-    selected = kept[labels[k]]
-    return _Chunk(
-        root=selected.root,
-        frame=selected.frame,
-        sources=(file, project, *selected.sources),
-        others=tuple(labels[:k] + labels[k + 1 :]),
+    chunks = (
+        _in_archive(files.read(_inside(entry, within, entry.attribute("path"))), files)
+        for entry in listed
     )
+    others = []
+    for k, chunk in enumerate(chunks):  # of chunks that are not wanted the label alone is kept
+        if k == wanted:
+            selected = chunk
+        else:
+            others.append(chunk.root.attributes.get("label", ""))
+    return replace(selected, sources=(file, project, *selected.sources), others=tuple(others))
 
 
 def _in_archive(file: Opened, files: Together) -> _Chunk:
@@ -365,17 +404,6 @@ def _inside(element: Element, folder: Path, name: str) -> Path:
     return folder / parts
 
 
-def _place(root: Element, labels: list[str], wanted: str | None, active: int) -> int:
-    if not labels:
-        raise root.wrong("has no <chunk>", "must have one")
-    if wanted is None:
-        return active
-    if wanted not in labels:
-        known = ", ".join(map(quoted, labels))
-        raise root.wrong(f"has no chunk {quoted(wanted)}", f"must be one of {known}")
-    return labels.index(wanted)
-
-
 # sensors
 
 
@@ -388,7 +416,7 @@ class _Sensor:
     master: str
 
 
-def _sensors(root: Element, *, wanted: str) -> dict[str, _Sensor]:
+def _sensors(root: Element) -> dict[str, _Sensor]:
     """Return the sensors of a chunk's images by numbers; all, where it has no image."""
     elements = list(root.each("sensors", "sensor"))
     if not elements:
@@ -410,14 +438,14 @@ def _sensors(root: Element, *, wanted: str) -> dict[str, _Sensor]:
         if master not in ids:
             raise element.wrong(quoted(master), "must be a sensor's id", attribute="master_id")
         if i in used:
-            sensors[i] = _sensor(element, name, master, wanted=wanted, is_slave=master != i)
+            sensors[i] = _sensor(element, name, master, is_slave=master != i)
     return sensors
 
 
-def _sensor(element: Element, name: str, master: str, *, wanted: str, is_slave: bool) -> _Sensor:
+def _sensor(element: Element, name: str, master: str, *, is_slave: bool) -> _Sensor:
     pixel_um = 1000 * (_property(element, "pixel_width") or 0.0)
     mount = Pose(R=TOP_AHEAD @ _mount_rotation(element, is_slave=is_slave), r=np.zeros(3))
-    lens = replace(_chosen(element, wanted), pixel_um=pixel_um, mount=mount)
+    lens = replace(_chosen(element), pixel_um=pixel_um, mount=mount)
     return _Sensor(name=name, lens=lens, master=master)
 
 
@@ -432,19 +460,19 @@ def _mount_rotation(element: Element, *, is_slave: bool) -> Array:
     return np.asarray(turned(R))
 
 
-def _chosen(element: Element, wanted: str) -> Lens:
+def _chosen(element: Element) -> Lens:
     """Return a sensor's adjusted or initial lens, or else that of its nominal focal length."""
     calibrations = {
         calibration.attributes.get("class", "adjusted"): calibration
         for calibration in element.each("calibration")
     }
-    for kind in (wanted, "initial"):
+    for kind in ("adjusted", "initial"):
         if kind in calibrations:
             return replace(_lens(calibrations[kind]), kind=kind)
     focal, pixel = (_property(element, name) for name in ("focal_length", "pixel_width"))
     if not focal or not pixel:
         raise element.wrong(
-            f"has no {wanted} calibration", "must have one, or focal_length and pixel_width"
+            "has no adjusted calibration", "must have one, or focal_length and pixel_width"
         )
     return replace(_lens_of(element, {"f": focal / pixel}), kind="nominal")
 

@@ -17,21 +17,30 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from acx4files.exchange import lens, safe
 from acx4files.exchange.coordinates import FLIP, UNKNOWN, is_rotation, nearest_rotation, stacked
-from acx4files.exchange.lens import Lens, Model, Pinhole
+from acx4files.exchange.flight_folder import ImportedFlight
+from acx4files.exchange.lens import WORST_PX, Lens, Model, Pinhole
+from acx4files.exchange.options import (
+    Allow,
+    AsAdjusted,
+    BlockOfProject,
+    CrsOfFiles,
+    PixelUmOfProject,
+    Source,
+)
 from acx4files.exchange.project import (
     Control,
     Images,
     Measured,
     Project,
     Proof,
+    flight_of,
     in_crs,
-    reading,
     require_all_names,
 )
 from acx4files.exchange.safe import Element, Opened, Together
@@ -159,7 +168,39 @@ def project(source: Path, *, crs: str | None = None) -> Project:
     )
 
 
-read = reading(project, orientations="initial")  # which is none: all that MicMac has is adjusted
+def read(
+    source: Annotated[Path, Source],
+    *,
+    block: BlockOfProject = None,
+    crs: CrsOfFiles = None,
+    orientations: AsAdjusted = "none",
+    pixel_um: PixelUmOfProject = None,
+    allow: Allow = WORST_PX,
+) -> ImportedFlight:
+    """Read MicMac's XML, version 1 or 2: calibration, orientations, measured, surveyed points.
+
+    SOURCE is the folder that holds Ori-* and the points (SetOfMesureAppuisFlottants,
+    DicoAppuisFlottant), one of several Ori-* in it, or one of these files. Distortion models
+    ModRad, ModPhgrStd, ModNoDist and the three fisheyes are read; others are refused by name. Of
+    version 2 (MMVII) it is the folder with MMVII-PhgrProj, or one of Ori/* in that.
+
+    Examples
+    --------
+    acx4 import micmac my_project --out my_flight
+    acx4 import micmac my_project/Ori-Ground --orientations adjusted --crs EPSG:2154 --out my_flight
+
+    Raises
+    ------
+    FlightError
+        As `project` and `flight_of`.
+    """
+    return flight_of(
+        project(source, crs=crs),
+        orientations=orientations,
+        block=block,
+        pixel_um=pixel_um,
+        allow=allow,
+    )
 
 
 def _of_control(crs: str | None, precision: str) -> tuple[str, str]:

@@ -18,7 +18,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import NoReturn
+from typing import Annotated, NoReturn
 
 import numpy as np
 
@@ -26,7 +26,16 @@ from acx4files.exchange import coordinates, safe
 from acx4files.exchange.coordinates import FLIP, UNKNOWN, Chosen, stacked, turned
 from acx4files.exchange.flight_folder import ImportedFlight
 from acx4files.exchange.lens import OPENSFM as MODELS
-from acx4files.exchange.lens import Lens, Pinhole
+from acx4files.exchange.lens import WORST_PX, Lens, Pinhole
+from acx4files.exchange.options import (
+    Allow,
+    BlockOfProject,
+    CrsOfProject,
+    Option,
+    Orientations,
+    PixelUmOfProject,
+    Source,
+)
 from acx4files.exchange.project import (
     Control,
     Images,
@@ -39,7 +48,6 @@ from acx4files.exchange.project import (
     joined,
     naming,
     nowhere,
-    reading,
     require_all_names,
     require_names,
 )
@@ -89,7 +97,6 @@ ASSUMED = (
 def project(
     source: Path,
     *,
-    camera: str = "adjusted",
     orientations: str = "initial",
     crs: str | None = None,
 ) -> Project:
@@ -99,8 +106,6 @@ def project(
     ----------
     source : Path
         Its folder, the folder of an ODM project, or one file reconstruction.json or cameras.json.
-    camera : {"adjusted", "initial"}
-        Cameras of reconstruction.json, or of camera_models.json.
     orientations : {"initial", "adjusted", "none"}
         Where "adjusted", the flight has the project's coordinate system.
     crs : str, optional
@@ -116,7 +121,7 @@ def project(
     if root is None:
         return _cameras_alone(files)
     shots = _shots(root, files.tree("rig_assignments.json"))
-    lenses = _lenses(files, root, shots, camera)
+    lenses = _lenses(files, root, shots)
     ties = _ties(files, root, shots, lenses)
     named = {"image": shots.names, "camera": shots.heads, "exposure": shots.instances}
     require_all_names({**named, "point": ties.points}, root.source.wrong)
@@ -163,7 +168,38 @@ def project(
     )
 
 
-read = reading(project)
+def read(
+    source: Annotated[Path, Source],
+    *,
+    block: BlockOfProject = None,
+    crs: CrsOfProject = None,
+    orientations: Orientations = "initial",
+    pixel_um: PixelUmOfProject = None,
+    allow: Allow = WORST_PX,
+) -> ImportedFlight:
+    """Read a project of OpenSfM, ODM or WebODM: cameras, images, tracks, rigs, control.
+
+    SOURCE is the folder with reconstruction.json and tracks.csv, the folder of an ODM project, or
+    one file reconstruction.json, camera_models.json or cameras.json. Where a reconstruction by ODM
+    has the axes of UTM, the measured positions tell.
+
+    Examples
+    --------
+    acx4 import opensfm my_project --out my_flight
+    acx4 import opensfm my_project --orientations adjusted --crs EPSG:25833 --out my_flight
+
+    Raises
+    ------
+    FlightError
+        As `project` and `flight_of`.
+    """
+    return flight_of(
+        project(source, orientations=orientations, crs=crs),
+        orientations=orientations,
+        block=block,
+        pixel_um=pixel_um,
+        allow=allow,
+    )
 
 
 def _cameras_alone(files: _Files) -> Project:
@@ -181,12 +217,9 @@ def _cameras_alone(files: _Files) -> Project:
     )
 
 
-def _lenses(files: _Files, root: Node, shots: _Shots, camera: str) -> dict[str, Lens]:
+def _lenses(files: _Files, root: Node, shots: _Shots) -> dict[str, Lens]:
     """Return the cameras, or the heads of rigs, with their places in the rig."""
-    models = files.tree(*CAMERAS) if camera == "initial" else root.one("cameras")
-    if models is None:
-        wanted = f"must be beside it for the cameras before the adjustment ({CAMERAS[0]})"
-        raise root.wrong("has cameras after the adjustment only", wanted)
+    models = root.one("cameras")
     mounts = _rig_mounts(root.maybe("rig_cameras") or files.tree("rig_cameras.json"))
     lenses: dict[str, Lens] = {}
     for head, model in dict(zip(shots.heads, shots.models, strict=True)).items():
@@ -690,9 +723,29 @@ class _List:
 
 
 def read_control(
-    source: Path, *, block: str | None = None, crs: str | None = None, camera: str | None = None
+    source: Annotated[Path, Source],
+    *,
+    block: BlockOfProject = None,
+    crs: CrsOfProject = None,
+    camera: Annotated[
+        str | None, Option("NAME", "Camera of all pictures: then images.csv is written, too.")
+    ] = None,
 ) -> ImportedFlight:
-    """Read gcp_list.txt as a part of a flight; options as those of `control` and `flight_of`."""
+    """Read ODM's gcp_list.txt: surveyed points and their places in the pictures.
+
+    The first line is the CRS; a height NaN makes a tie point of a point. Longitudes and latitudes
+    are written in the UTM zone where they lie, or in --crs.
+
+    Examples
+    --------
+    acx4 import odm-control gcp_list.txt --out my_flight
+    acx4 import odm-control gcp_list.txt --camera CAM --crs EPSG:25833 --out my_flight
+
+    Raises
+    ------
+    FlightError
+        As `control` and `flight_of`.
+    """
     return flight_of(control(source, crs=crs, camera=camera), block=block or "calibration")
 
 

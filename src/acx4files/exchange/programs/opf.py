@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Annotated, Any
 from urllib.parse import unquote
 
 import numpy as np
@@ -21,8 +21,18 @@ from numpy.typing import NDArray
 
 from acx4files.exchange import coordinates, safe
 from acx4files.exchange.coordinates import FLIP, TOP_AHEAD, UNKNOWN, Chosen, stacked, turned
+from acx4files.exchange.flight_folder import ImportedFlight
 from acx4files.exchange.lens import OPF as PERSPECTIVE
-from acx4files.exchange.lens import Lens, Pinhole, fisheye
+from acx4files.exchange.lens import WORST_PX, Lens, Pinhole, fisheye
+from acx4files.exchange.options import (
+    Allow,
+    BlockOfProject,
+    CrsOfProject,
+    HeightsOfFlight,
+    Orientations,
+    PixelUmOfProject,
+    Source,
+)
 from acx4files.exchange.project import (
     DEGREES,
     Control,
@@ -32,9 +42,9 @@ from acx4files.exchange.project import (
     Project,
     Proof,
     Trajectory,
+    flight_of,
     joined,
     nowhere,
-    reading,
     require_names,
     trajectory_in_grid,
     without_doubles,
@@ -92,7 +102,6 @@ ANGLES = (
 def project(
     source: Path,
     *,
-    camera: str = "adjusted",
     orientations: str = "initial",
     crs: str | None = None,
     heights: str | float | None = None,
@@ -103,8 +112,6 @@ def project(
     ----------
     source : Path
         A file .opf, or a folder with it or with the JSON files of OPF.
-    camera : {"adjusted", "initial"}
-        Which internals are taken where there are both.
     orientations : {"initial", "adjusted", "none"}
         "initial" is what was measured of captures, "adjusted" the calibrated cameras.
     crs : str, optional
@@ -118,7 +125,7 @@ def project(
         Where the files are no project of OPF, or something in them cannot be.
     """
     documents = _documents_of(source)
-    sensors = _sensors(documents, wanted=camera)
+    sensors = _sensors(documents)
     shots = _shots(documents, sensors)
     listed = documents.by_format.get("input-control-points")
     gcps = {} if listed is None else _surveyed(listed)
@@ -167,7 +174,39 @@ def project(
     )
 
 
-read = reading(project)
+def read(
+    source: Annotated[Path, Source],
+    *,
+    block: BlockOfProject = None,
+    crs: CrsOfProject = None,
+    heights: HeightsOfFlight = None,
+    orientations: Orientations = "initial",
+    pixel_um: PixelUmOfProject = None,
+    allow: Allow = WORST_PX,
+) -> ImportedFlight:
+    """Read a project in Pix4D's open photogrammetry format (OPF).
+
+    SOURCE is a file .opf, or a folder with it or with JSON files of OPF. Sensors with rig
+    relatives, images, tie points, control points with their marks and the measured orientations are
+    taken; with --orientations adjusted the trajectory is the calibrated cameras, and then a
+    boresight means nothing.
+
+    Examples
+    --------
+    acx4 import opf project.opf --out my_flight
+
+    Raises
+    ------
+    FlightError
+        As `project` and `flight_of`.
+    """
+    return flight_of(
+        project(source, orientations=orientations, crs=crs, heights=heights),
+        orientations=orientations,
+        block=block,
+        pixel_um=pixel_um,
+        allow=allow,
+    )
 
 
 @dataclass(kw_only=True)
@@ -319,8 +358,8 @@ class _Sensor:
     lens: Lens
 
 
-def _sensors(project: _Documents, *, wanted: str) -> dict[str, _Sensor]:
-    """Return the sensors by their numbers, with adjusted internals where they are wanted."""
+def _sensors(project: _Documents) -> dict[str, _Sensor]:
+    """Return the sensors by their numbers, with adjusted internals where there are any."""
     declared = project.by_format.get("input-cameras")
     if declared is None:
         source = project.sources[0]
@@ -329,7 +368,7 @@ def _sensors(project: _Documents, *, wanted: str) -> dict[str, _Sensor]:
     nodes = {sensor.one("id").text(): sensor for sensor in declared.one("sensors").each()}
     calibrated = project.by_format.get("calibrated-cameras")
     after: dict[str, Node] = {}
-    if calibrated is not None and wanted == "adjusted":
+    if calibrated is not None:
         after = {sensor.one("id").text(): sensor for sensor in calibrated.one("sensors").each()}
     ids = list(nodes)
     names, _ = without_doubles(_sensor_labels(nodes), ids)

@@ -11,18 +11,20 @@ them. Control (.con) and orientations (.ori) are not read.
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from acx4files.exchange import safe
 from acx4files.exchange.coordinates import UNKNOWN, stacked
 from acx4files.exchange.flight_folder import ImportedFlight
+from acx4files.exchange.options import BlockOfProject, Option, PixelUm, Source
 from acx4files.exchange.project import (
     Control,
     Images,
@@ -35,6 +37,7 @@ from acx4files.exchange.project import (
 )
 from acx4files.exchange.safe import Line, Opened
 from acx4files.flight.problems import METRES, Range, quoted
+from acx4lib.errors import FlightError
 
 IMAGE = Range(-1e7, 1e7)
 """Image coordinates, in micrometres or larger units."""
@@ -58,18 +61,61 @@ BINGO = ("x and y are in mm from the middle of the image, x right, y up, in the 
 UNTRIED = "CONT and CHCK of geoin.dat are point, east, north, height: untried on a file of BINGO"
 
 
+Size = Annotated[str, Option("WxH", "Size of the pictures: 4000x3000.")]
+
+
 def read_bingo(
-    source: Path, *, size: tuple[int, int], pixel_um: float, block: str | None = None
+    source: Annotated[Path, Source], *, size: Size, pixel_um: PixelUm, block: BlockOfProject = None
 ) -> ImportedFlight:
-    """Read image.dat, and geoin.dat beside it; options as those of `bingo` and `flight_of`."""
-    return flight_of(bingo(source, size=size, pixel_um=pixel_um), block=block)
+    """Read BINGO's image.dat, or *_bingo.txt of Pix4D; control points of geoin.dat beside it.
+
+    Image coordinates are in mm from the middle of the image. The layout is that which Pix4D
+    documents; it is untried on files that BINGO itself wrote.
+
+    Examples
+    --------
+    acx4 import bingo image.dat --size 4000x3000 --pixel-um 6 --out my_flight
+
+    Raises
+    ------
+    FlightError
+        As `bingo` and `flight_of`, and for a size that is none.
+    """
+    return flight_of(bingo(source, size=_width_height(size), pixel_um=pixel_um), block=block)
 
 
 def read_patb(
-    source: Path, *, unit: str, size: tuple[int, int], pixel_um: float, block: str | None = None
+    source: Annotated[Path, Source],
+    *,
+    unit: Annotated[Literal["um", "mm"], Option("", "Of x and y.")],
+    size: Size,
+    pixel_um: PixelUm,
+    block: BlockOfProject = None,
 ) -> ImportedFlight:
-    """Read a list of PAT-B; options as those of `_patb` and `flight_of`."""
-    return flight_of(_patb(source, unit=unit, size=size, pixel_um=pixel_um), block=block)
+    """Read PAT-B's image coordinates, .im: untried on a file that PAT-B wrote.
+
+    Blocks of an image, its points and -99. Control and orientations of PAT-B are not read.
+
+    Examples
+    --------
+    acx4 import patb my_block.im --unit um --size 4000x3000 --pixel-um 6 --out my_flight
+
+    Raises
+    ------
+    FlightError
+        For another layout, and for a size that is none.
+    """
+    size_px = _width_height(size)
+    return flight_of(_patb(source, unit=unit, size=size_px, pixel_um=pixel_um), block=block)
+
+
+def _width_height(text: str) -> tuple[int, int]:
+    """Return width and height, px, of a text such as 4000x3000."""
+    match = re.fullmatch(r"0*([1-9]\d{0,5})[x×]0*([1-9]\d{0,5})", text.strip(), re.ASCII | re.I)
+    if match is None:
+        says = "must be width x height in pixels, such as 4000x3000"
+        raise FlightError([f"--size {text}: {says}"])
+    return int(match[1]), int(match[2])
 
 
 def bingo(source: Path, *, size: tuple[int, int], pixel_um: float) -> Project:

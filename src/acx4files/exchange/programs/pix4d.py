@@ -13,13 +13,22 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from acx4files.exchange import coordinates, safe
 from acx4files.exchange.coordinates import FLIP, Chosen, is_rotation, nearest_rotation, stacked
-from acx4files.exchange.flight_folder import number_of
-from acx4files.exchange.lens import OPENCV, Lens, Pinhole
+from acx4files.exchange.flight_folder import ImportedFlight, number_of
+from acx4files.exchange.lens import OPENCV, WORST_PX, Lens, Pinhole
+from acx4files.exchange.options import (
+    Allow,
+    AsAdjusted,
+    BlockOfProject,
+    CrsOfProject,
+    HeightsOfFlight,
+    Source,
+)
 from acx4files.exchange.project import (
     Images,
     InGrid,
@@ -27,9 +36,9 @@ from acx4files.exchange.project import (
     Project,
     Proof,
     as_they_are,
+    flight_of,
     nowhere,
     numbered,
-    reading,
     require_all_names,
 )
 from acx4files.exchange.safe import Line, Opened, Together, refusal
@@ -170,7 +179,38 @@ def project(source: Path, *, crs: str | None = None, heights: str | float | None
     )
 
 
-read = reading(project, orientations="adjusted")
+def read(
+    source: Annotated[Path, Source],
+    *,
+    block: BlockOfProject = None,
+    crs: CrsOfProject = None,
+    heights: HeightsOfFlight = None,
+    orientations: AsAdjusted = "adjusted",
+    allow: Allow = WORST_PX,
+) -> ImportedFlight:
+    """Read the folder params of Pix4Dmapper: lenses, and the adjusted orientations.
+
+    SOURCE is that folder (1_initial/params), or the project's folder. From its files
+    *_calibrated_camera_parameters.txt and *_offset.xyz come lenses and poses, from *_wkt.prj the
+    CRS. *_pmatrix.txt and *_calibrated_external_camera_parameters.txt must agree with them: the
+    differences are told. A boresight on this trajectory means nothing. Tie points: acx4 import
+    bingo.
+
+    Examples
+    --------
+    acx4 import pix4d my_project/1_initial/params --out my_flight
+
+    Raises
+    ------
+    FlightError
+        As `project` and `flight_of`.
+    """
+    return flight_of(
+        project(source, crs=crs, heights=heights),
+        orientations=orientations,
+        block=block,
+        allow=allow,
+    )
 
 
 def _folder(source: Path) -> Path:

@@ -140,7 +140,6 @@ def position_of(columns: Sequence[Column], name: str) -> int | None:
 # --- The rows of a text with declared columns: a list of events, of orientations, or of points
 
 
-SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
 COMMENTS = "#"
 QUOTED_CELL = re.compile(r"\"[^\"]*\"")
 _NUMBER = Range(-1e12, 1e12)
@@ -264,7 +263,6 @@ def read_list(
     source: Opened,
     columns: str,
     *,
-    separator: str = "",
     numbers: Sequence[str],
     known: Mapping[str, str] = KNOWN,
 ) -> Listed:
@@ -275,8 +273,6 @@ def read_list(
     source : Opened
     columns : str
         As the user declares them; empty: the heading names them.
-    separator : str
-        One of `SEPARATORS`; empty: semicolons, tabs or commas if the first two lines have any.
     numbers : sequence of str
         Columns of numbers, by which a heading is told from a row.
     known : mapping of str to str
@@ -288,7 +284,7 @@ def read_list(
         Where the columns are not known, or there are no rows.
     """
     before = _before_heading(source, known)
-    mark = _separator(source, separator, len(before))
+    mark = _separator(source, len(before))
     every = lines(source, separator=mark, comment=COMMENTS)
     kept = [line for line in every if line.number > len(before)]
     if not kept or len(kept) > MOST:
@@ -373,10 +369,8 @@ def _before_heading(source: Opened, known: Mapping[str, str]) -> tuple[str, ...]
     return ()
 
 
-def _separator(source: Opened, name: str, before: int) -> str | None:
+def _separator(source: Opened, before: int) -> str | None:
     """Return the separator of cells: the mark in both of the first two lines, or None."""
-    if name:
-        return SEPARATORS[name]
     text = (line for line in source.text().split("\n")[before:] if line.strip())
     first = list(islice((line for line in text if not line.lstrip().startswith(COMMENTS)), 2))
     bare = [QUOTED_CELL.sub("", line) for line in first]

@@ -9,12 +9,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from acx4files.exchange import safe
 from acx4files.exchange.flight_folder import ImportedFlight, number_of
+from acx4files.exchange.options import Block, Camera, Columns, Crs, Ellipsoidal, Heights, Option
 from acx4files.exchange.safe import Line, Opened, cut, lines
 from acx4files.exchange.trajectories.listed import (
     MEASURED,
@@ -353,45 +354,73 @@ def heights_said(meaning: Meaning) -> str:
 NORTH = {"grid": "grid north", "true": "true north"}
 
 
-@dataclass(frozen=True, kw_only=True)
-class TableOptions:
-    """Options for the import of a list.
+def read(  # noqa: PLR0913 options of a command
+    source: Annotated[Path, Option("TABLE", "Text with a row for each image.")],
+    *,
+    columns: Columns = "",
+    order: Annotated[
+        Literal["opk", "pok"], Option("", "First rotation: omega (opk) or phi (pok).")
+    ] = "opk",
+    north: Annotated[
+        Literal["grid", "true"] | None,
+        Option("", "Else kappa is from the grid, a heading from true."),
+    ] = None,
+    of: Annotated[
+        Literal["imu", "camera"], Option("", "Whose positions and attitudes they are.")
+    ] = "imu",
+    ellipsoidal: Ellipsoidal = False,
+    scaled_above: Annotated[
+        float | None,
+        Option("M", "Heights above M have the map's scale, as IGN's: taken out."),
+    ] = None,
+    block: Block = "calibration",
+    camera: Camera = "",
+    crs: Crs = "",
+    heights: Heights = None,
+) -> ImportedFlight:
+    """Read a table with a row for each image: its position and its attitude.
 
-    Attributes
-    ----------
-    columns, separator : str
-        As `read_list` takes them.
-    of : str
-        ``imu``, or ``camera``: whose positions and attitudes they are.
-    block, camera : str
-        Block of the flight; camera of all images, empty: that of the column, or no images.csv.
-    """
+    The columns are those of its heading, or of --columns: image, east, north, height or lat, lon,
+    height; omega, phi, kappa or roll, pitch, heading; camera, time, week, sigma_east, skip. Angles
+    are degrees, or in the unit that a column names, as kappa_gon or kappa_rad.
 
-    columns: str = ""
-    separator: str = ""
-    of: str = "imu"
-    block: str = "calibration"
-    camera: str = ""
+    With --columns pospac it is a text export of POSPac, exterior orientations or the trajectory at
+    events, whose heading and preamble say columns and units. Its omega, phi and kappa are the
+    camera's: another program's boresight is in them. Its roll, pitch and heading are the IMU's.
 
-
-def read(path: Path, meaning: Meaning, options: TableOptions) -> ImportedFlight:
-    """Return the orientations of a text with declared columns.
+    Examples
+    --------
+    acx4 import orientations eo.csv --crs EPSG:32633 --of camera --out flight
+    acx4 import orientations ins.txt --columns "image lat lon height roll pitch heading" --out f
+    acx4 import orientations event1.txt --columns pospac --crs EPSG:31982 --out flight
 
     Raises
     ------
     FlightError
         With file and line.
     """
-    source = safe.of_windows(safe.read(path))
-    listed = read_list(source, options.columns, separator=options.separator, numbers=NUMBERS)
-    return _brought(listed, meaning, options, source="Table of orientations")
+    meaning = Meaning(
+        crs=crs,
+        order=order,
+        north=north or "",
+        heights="ellipsoidal" if heights is None else heights,
+        ellipsoidal=ellipsoidal,
+        ground_m=scaled_above,
+    )
+    text = safe.of_windows(safe.read(source))
+    if columns == POSPAC:
+        return _pospac(text, meaning, block, camera)
+    listed = read_list(text, columns, numbers=NUMBERS)
+    return _brought(listed, meaning, block, camera, of=of, source="Table of orientations")
 
 
 def _brought(
     listed: Listed,
     meaning: Meaning,
-    options: TableOptions,
+    block: str,
+    camera: str,
     *,
+    of: str,
     source: str,
     says: tuple[str, ...] = (),
 ) -> ImportedFlight:
@@ -399,16 +428,16 @@ def _brought(
     oriented = _oriented(listed, meaning)
     names = _names(listed)
     table = {"exposure": names, **_trajectory(listed, oriented, meaning)}
-    tables: dict[str, Any] = {f"{options.block}/trajectory.csv": table}
-    if options.camera or listed.has("camera"):
-        tables[f"{options.block}/images.csv"] = _images(listed, names, options.camera)
+    tables: dict[str, Any] = {f"{block}/trajectory.csv": table}
+    if camera or listed.has("camera"):
+        tables[f"{block}/images.csv"] = _images(listed, names, camera)
     return ImportedFlight(
         source=source,
         sha256=safe.checksums([listed.source]),
         settings=settings(meaning),
         tables=tables,
         pictures=grid_file(meaning),
-        assumed=_assumed(listed, oriented, meaning, options),
+        assumed=_assumed(listed, oriented, meaning, of),
         found=(*_found(listed, oriented, meaning), *says),
         left_out=left_out(listed, "orientation"),
     )
@@ -428,9 +457,7 @@ def _images(listed: Listed, names: list[str], camera: str) -> dict[str, Any]:
     return table
 
 
-def _assumed(
-    listed: Listed, oriented: Oriented, meaning: Meaning, options: TableOptions
-) -> tuple[str, ...]:
+def _assumed(listed: Listed, oriented: Oriented, meaning: Meaning, of: str) -> tuple[str, ...]:
     columns = " ".join(column.name for column in listed.columns)
     heading = "declaration" if listed.declared else "its heading"
     numbered = "" if listed.has("image") or listed.has("exposure") else "; exposures are numbered"
@@ -444,7 +471,7 @@ def _assumed(
         )
         attitude = (
             f"Omega, phi, kappa in {', '.join(sorted(unit))}: R = {order} takes the axes of the "
-            f"{options.of} (x, y, up) to east, north, up; kappa is against {north}."
+            f"{of} (x, y, up) to east, north, up; kappa is against {north}."
         )
     else:
         attitude = (
@@ -455,7 +482,7 @@ def _assumed(
         f"The columns, by {heading}, are: {columns}; x counts east, y north{numbered}.",
         *text_said(listed),
         attitude,
-        _whose(options.of),
+        _whose(of),
         heights_said(meaning),
     )
 
@@ -500,6 +527,9 @@ def _found(listed: Listed, oriented: Oriented, meaning: Meaning) -> tuple[str, .
 # brackets, before the heading or after it, the units; rows follow. The heading has commas, tabs or
 # spaces, the rows tabs or spaces. In exterior orientations the column ID may be empty.
 
+
+POSPAC = "pospac"
+"""The columns of such a text."""
 
 ELLIPSOIDAL, ORTHOMETRIC = "height", "orthometric"
 
@@ -548,25 +578,13 @@ MOST_PREAMBLE = 60
 """Lines of the preamble that are kept."""
 
 
-def read_pospac(path: Path, meaning: Meaning, options: TableOptions) -> ImportedFlight:
+def _pospac(source: Opened, meaning: Meaning, block: str, camera_name: str) -> ImportedFlight:
     """Return the orientations of a text export of POSPac.
 
-    Parameters
-    ----------
-    path : Path
-    meaning : Meaning
-        Its unit of angles, and the order of omega and phi, are replaced by what the text states.
-    options : TableOptions
-        Whose they are is found: omega, phi, kappa are the camera's, roll, pitch and heading the
-        IMU's, unless the preamble has a boresight or lever arms that are not zero.
-
-    Raises
-    ------
-    FlightError
-        With file and line, where no heading is found, a word of it is not known, positions are
-        not in metres, or a row is wrong.
+    The unit of angles, and the order of omega and phi, are those that the text states. Omega, phi,
+    kappa are the camera's; roll, pitch and heading the IMU's, unless the preamble has a boresight
+    or lever arms that are not zero.
     """
-    source = safe.of_windows(safe.read(path))
     heading, columns = _heading(source)
     listed = _listed(source, heading, columns)
     preamble = _preamble(source, heading.number)
@@ -587,7 +605,9 @@ def read_pospac(path: Path, meaning: Meaning, options: TableOptions) -> Imported
     return _brought(
         _with_height(listed),
         meaning,
-        replace(options, of="camera" if applied else "imu"),
+        block,
+        camera_name,
+        of="camera" if applied else "imu",
         source=f"POSPac {'exterior orientations' if camera else 'trajectory at events'}",
         says=(f"The file states: {'; '.join(preamble)}.",) if preamble else (),
     )
@@ -605,7 +625,11 @@ def _heading(source: Opened) -> tuple[Line, tuple[Column, ...]]:
             line = Line(file=source.file, number=number, cells=(text,))
             unknown = re.findall(r"[A-Z]{2,}|\b[XYZ]\b", WORDS.sub("", upper))
             if unknown:
-                raise line.wrong("heading", f"{quoted(unknown[0])} is not known", "use 'table'")
+                raise line.wrong(
+                    "heading",
+                    f"{quoted(unknown[0])} is not known",
+                    "declare the columns by --columns",
+                )
             first = {name: k for k, name in reversed([*enumerate(names)])}
             once = (name if first[name] == k else SKIP for k, name in enumerate(names))
             return line, tuple(Column(name=name) for name in once)
@@ -694,54 +718,50 @@ ROLES = {"control": "control", "gcp": "control", "check": "check", "chk": "check
 PLACES = ("east", "north", "height", "lat", "lon")
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeasuredOptions:
-    """Options for the import of a table of measurements.
+def measured(
+    sources: Annotated[list[Path], Option("TABLE...", "Texts with a row for each measurement.")],
+    *,
+    columns: Columns = "",
+    first: Annotated[
+        Literal["0", "0.5", "1"],
+        Option("", "Column and row that it gives the middle of the first pixel."),
+    ] = "0",
+    block: Block = "calibration",
+    camera: Camera = "",
+) -> ImportedFlight:
+    """Read tables with a row for each point measured in an image, such as IGN's .mes.
 
-    Attributes
-    ----------
-    columns, separator : str
-        As `read_list` takes them.
-    first : float
-        What the table calls column and row of the middle of the first pixel: 0, 0.5 or 1.
-    block : str
-        Block of the flight.
-    camera : str
-        Of all images; empty: no images.csv.
-    """
+    The columns are those of its heading, or of --columns, in any order: point, image, col, row;
+    sigma, skip. They are pixels; --first says what the table calls the middle of the first pixel.
+    Lines before a heading are not read. What several tables have is put together.
 
-    columns: str = ""
-    separator: str = ""
-    first: float = 0.0
-    block: str = "calibration"
-    camera: str = ""
-
-
-def measured(paths: Sequence[Path], options: MeasuredOptions) -> ImportedFlight:
-    """Return the image points of texts, one after the other.
+    Examples
+    --------
+    acx4 import image-points points.csv --first 0.5 --out flight
+    acx4 import image-points ties.mes control.mes --columns "point image col row" --out flight
 
     Raises
     ------
     FlightError
         With file and line; for a point that stands twice in an image, too.
     """
-    every = [_measured(path, options) for path in paths]
+    every = [_measured(path, columns) for path in sources]
     _refuse_twice(every)
     images = [name for listed in every for name in listed.names("image")]
     points = [name for listed in every for name in listed.names("point")]
     colrow = np.concatenate(
         [[listed.numbers("col"), listed.numbers("row")] for listed in every], axis=1
     )
-    colrow = np.round(colrow - options.first, 5)
+    colrow = np.round(colrow - float(first), 5)
     cols, rows = colrow.tolist()
     table: dict[str, Any] = {"image": images, "point": points, "col_px": cols, "row_px": rows}
     if all(listed.has("sigma") for listed in every):
         table["sigma_px"] = [px for listed in every for px in listed.numbers("sigma").tolist()]
     names = [*dict.fromkeys(images)]
-    tables: dict[str, Any] = {f"{options.block}/image_points.csv": table}
-    if options.camera:
-        by = {"image": names, "camera": [options.camera] * len(names), "exposure": names}
-        tables[f"{options.block}/images.csv"] = by
+    tables: dict[str, Any] = {f"{block}/image_points.csv": table}
+    if camera:
+        by = {"image": names, "camera": [camera] * len(names), "exposure": names}
+        tables[f"{block}/images.csv"] = by
     (left, top), (right, bottom) = colrow.min(axis=1), colrow.max(axis=1)
     return ImportedFlight(
         source="Table of image points",
@@ -750,7 +770,7 @@ def measured(paths: Sequence[Path], options: MeasuredOptions) -> ImportedFlight:
         assumed=(
             *dict.fromkeys(_columns_said(listed) for listed in every),
             "Columns count to the right and rows down, in pixels; the middle of the first pixel is "
-            f"{options.first:g}, {options.first:g}.",
+            f"{first}, {first}.",
         ),
         found=(
             f"{number_of(len(images), 'measurements')} of {number_of(len(set(points)), 'points')} "
@@ -763,40 +783,44 @@ def measured(paths: Sequence[Path], options: MeasuredOptions) -> ImportedFlight:
     )
 
 
-def _measured(path: Path, options: MeasuredOptions) -> Listed:
-    listed = read_list(
-        safe.of_windows(safe.read(path)),
-        options.columns,
-        separator=options.separator,
-        numbers=("col", "row"),
-        known=MEASURED,
-    )
+def _measured(path: Path, columns: str) -> Listed:
+    source = safe.of_windows(safe.read(path))
+    listed = read_list(source, columns, numbers=("col", "row"), known=MEASURED)
     _require(listed, "point", "image", "col", "row", says="point image col row")
     return listed
 
 
 def surveyed(
-    path: Path, meaning: Meaning, *, columns: str = "", separator: str = "", role: str = ""
+    source: Annotated[Path, Option("TABLE", "Text with a row for each point.")],
+    *,
+    columns: Columns = "",
+    role: Annotated[
+        Literal["control", "check"] | None,
+        Option("", "Of points whose role no column says; else control."),
+    ] = None,
+    ellipsoidal: Ellipsoidal = False,
+    crs: Crs = "",
+    heights: Heights = None,
 ) -> ImportedFlight:
-    """Return the control and check points of a text.
+    """Read a table with a row for each surveyed point, such as IGN's .app.
 
-    Parameters
-    ----------
-    path : Path
-    meaning : Meaning
-        Of positions; attitudes have no part in it.
-    columns, separator : str
-        As `read_list` takes them.
-    role : str
-        Of points whose role no column says: control, check, or empty, which is control.
+    The columns are those of its heading, or of --columns, in any order: point, east, north, height
+    or lat, lon, height; sigma_east, sigma_north, sigma_height, role (control or check), skip.
+
+    Examples
+    --------
+    acx4 import control-points control.csv --crs EPSG:32633 --out flight
+    acx4 import control-points block.app --columns "point skip x y z" --role check --out flight
 
     Raises
     ------
     FlightError
         With file and line.
     """
-    source = safe.of_windows(safe.read(path))
-    listed = read_list(source, columns, separator=separator, numbers=PLACES, known=SURVEYED)
+    system = "ellipsoidal" if heights is None else heights
+    meaning = Meaning(crs=crs, heights=system, ellipsoidal=ellipsoidal)
+    text = safe.of_windows(safe.read(source))
+    listed = read_list(text, columns, numbers=PLACES, known=SURVEYED)
     _require(listed, "point", says="point east north height")
     if not _is_located(listed):
         raise _lacks(listed, "no position", "point east north height")
@@ -804,11 +828,11 @@ def surveyed(
     table = {"point": listed.unique("point"), **_in_grid(listed, located, meaning)}
     table |= _extras(listed, meaning)
     if listed.has("role") or role:
-        table["role"] = _roles(listed, role)
+        table["role"] = _roles(listed, role or "")
     n_check = sum(use == "check" for use in table.get("role", ()))
     return ImportedFlight(
         source="Table of surveyed points",
-        sha256=safe.checksums([source]),
+        sha256=safe.checksums([text]),
         settings=settings(meaning),
         tables={"control_points.csv": table},
         pictures=grid_file(meaning),

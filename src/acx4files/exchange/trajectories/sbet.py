@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import datetime as dt
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acx4files.exchange import safe
 from acx4files.exchange.flight_folder import ImportedFlight
+from acx4files.exchange.options import Block, Camera, Columns, Crs, HeightsOfFlight, Option
 from acx4files.exchange.safe import Line, Opened, records
 from acx4files.exchange.trajectories import orientations
 from acx4files.exchange.trajectories.listed import Listed, position_of, read_list, text_said
@@ -41,59 +42,38 @@ FAITHFUL_MS, FAITHFUL = 0.5, 0.1
 
 GPS_SOW, UTC_SOW = "gps-sow", "utc-sow"
 
-NAMES = {GPS_SOW: "GPS time", UTC_SOW: "UTC"}
+LARGEST_GAP_S = 0.1
+"""Largest interval between two records that is interpolated, unless all are longer."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SbetOptions:
-    """Options and conventions that the files do not state.
-
-    Attributes
-    ----------
-    columns : str
-        Of the list of events; empty: its heading names them.
-    separator : str
-        Of its cells; empty: found from its first line.
-    time : str
-        Base of the events' times, one of `times.BASES`.
-    trajectory_time : str
-        That of the trajectory, `gps-sow` or `utc-sow`.
-    leap_seconds : float or None
-        GPS time minus UTC, where the bases differ.
-    week : int or None
-        GPS week in which the trajectory begins.
-    gap_s : float
-        Largest interval between two records that is interpolated.
-    block, camera : str
-        Block of the flight; camera of all images, empty where not said.
-    meaning : Meaning
-        CRS and heights of the flight.
-    """
-
-    time: str
-    columns: str = ""
-    separator: str = ""
-    trajectory_time: str = GPS_SOW
-    leap_seconds: float | None = None
-    week: int | None = None
-    gap_s: float = 0.1
-    block: str = "calibration"
-    camera: str = ""
-    meaning: Meaning = field(default_factory=Meaning)
-
-
-def read(
-    trajectory: Path, events: Path, deviations: Path | None, options: SbetOptions
+def read(  # noqa: PLR0913 options of a command
+    source: Annotated[Path, Option("SBET", "Trajectory of POSPac.")],
+    *,
+    events: Annotated[Path, Option("FILE", "Names and times of exposures.")],
+    time: Annotated[
+        Literal["gps-sow", "utc-sow", "gps-week-sow", "iso-8601", "iso-8601-utc", "iso-8601-gps"],
+        Option("", "Clock of the events."),
+    ],
+    smrmsg: Annotated[Path | None, Option("FILE", "Standard deviations (SMRMSG).")] = None,
+    leap_seconds: Annotated[float | None, Option("S", "GPS time minus UTC; 18 since 2017.")] = None,
+    columns: Columns = "",
+    block: Block = "calibration",
+    camera: Camera = "",
+    crs: Crs = "",
+    heights: HeightsOfFlight = None,
 ) -> ImportedFlight:
-    """Return a trajectory at the times of events.
+    """Read an SBET trajectory of POSPac at the times of events.
 
-    Parameters
-    ----------
-    trajectory, events : Path
-        SBET, and text with a name and a time in every row.
-    deviations : Path or None
-        SMRMSG.
-    options : SbetOptions
+    EVENTS is a text with a row for each exposure: a name and a time. Its columns are named by its
+    heading, or by --columns. --time says on which clock the times are; the trajectory counts GPS
+    time. Where the events count UTC, --leap-seconds is needed: 18 since 2017. Heights are those of
+    the flight that is there, else ellipsoidal.
+
+    Examples
+    --------
+    acx4 import sbet sbet.out --events events.csv --time gps-sow --smrmsg smrmsg.out --out flight
+    acx4 import sbet sbet.out --events log.txt --columns "skip image time" --time iso-8601
+        --leap-seconds 18 --out flight
 
     Raises
     ------
@@ -101,50 +81,60 @@ def read(
         With file and line: where a file is cut off or no such file, time bases differ and no leap
         seconds are given, or an event lies outside the trajectory or in a gap.
     """
-    track = read_track(_opened(trajectory))
-    listed = _read_events(
-        safe.of_windows(_opened(events)),
-        columns=options.columns,
-        separator=options.separator,
-        base=options.time,
-    )
+    track = read_track(_opened(source))
+    listed = _read_events(safe.of_windows(_opened(events)), columns=columns, base=time)
     if len(track.time) < 2:
         raise track.source.wrong("file", "has one record", "must have two at least")
-    t = _on_clock(listed.stamps, track.time, ahead=_ahead(listed, options), week=options.week)
-    _refuse_outside(track, listed, t, options)
-    spread = read_deviations(_opened(deviations)) if deviations else None
+    t = _on_clock(listed.stamps, track.time, ahead=_ahead(listed, time, leap_seconds))
+    _refuse_outside(track, listed, t)
+    spread = read_deviations(_opened(smrmsg)) if smrmsg else None
     if spread is not None:
         _refuse_without_deviation(spread, listed, t)
-    return _brought(track, listed, spread, t, options)
+    meaning = Meaning(crs=crs, heights="ellipsoidal" if heights is None else heights)
+    table, faithful, off, speed = _table(track, listed, spread, t, meaning)
+    tables = {f"{block}/trajectory.csv": table}
+    if camera:
+        images = {"image": listed.names, "camera": [camera] * len(t)}
+        tables[f"{block}/images.csv"] = images | {"exposure": listed.names}
+    sources = [track.source, listed.listed.source, *([spread.source] if spread else [])]
+    return ImportedFlight(
+        source="SBET at events",
+        sha256=safe.checksums(sources),
+        settings=orientations.settings(meaning),
+        tables=tables,
+        pictures=orientations.grid_file(meaning),
+        assumed=_assumed(listed, meaning, time, leap_seconds),
+        found=_found(track, spread, t, off, speed),
+        left_out=_left_out(spread, faithful=faithful, off=off),
+    )
 
 
 def _opened(path: Path) -> safe.Opened:
     return safe.read(path, most=free_memory() // SHARE_OF_MEMORY)
 
 
-def _ahead(listed: _Events, options: SbetOptions) -> float:
+def _ahead(listed: _Events, time: str, leap_seconds: float | None) -> float:
     """Return the seconds by which the trajectory's clock is ahead of the clock of the events."""
-    events_utc, track_utc = _is_utc(options.time), _is_utc(options.trajectory_time)
-    if events_utc == track_utc:
+    if not _is_utc(time):
         return 0.0
-    if options.leap_seconds is None:
-        ours, theirs = NAMES[options.trajectory_time], "UTC" if events_utc else "GPS time"
-        fault = f"are {theirs}, those of the trajectory {ours}"
-        expected = "needs --leap-seconds, 18 since 2017; or declare --time or --trajectory-time"
+    if leap_seconds is None:
+        fault = "are UTC, those of the trajectory GPS time"
+        expected = "needs --leap-seconds, 18 since 2017; or declare --time"
         raise listed.listed.source.wrong("times", fault, expected)
-    return options.leap_seconds if events_utc else -options.leap_seconds
+    return leap_seconds
 
 
-def _refuse_outside(track: Track, listed: _Events, t: Array, options: SbetOptions) -> None:
+def _refuse_outside(track: Track, listed: _Events, t: Array) -> None:
     first, last = track.time[[0, -1]].tolist()
     file = Path(track.source.file).name
     between = _between(track.time, t)
     outside = (t < first) | (t > last)
-    gap = ~outside & (between.interval > ROUNDED * options.gap_s)
+    usual = float(np.median(np.diff(track.time)))
+    largest = max(LARGEST_GAP_S, usual)
+    gap = ~outside & (between.interval > ROUNDED * largest)
     places = f"must lie between {first:.3f} and {last:.3f} s, of {file}"
     problems = _problems(listed, outside, lambda k: f"is {t[k]:.3f} s", places)
-    usual = float(np.median(np.diff(track.time)))
-    cure = f"must be at most {options.gap_s:g} s: --gap; usual are {usual:.3g} s"
+    cure = f"must be at most {largest:g} s; usual are {usual:.3g} s"
     problems += _problems(
         listed, gap, lambda k: f"lies in a gap of {between.interval[k]:.3f} s", cure
     )
@@ -170,20 +160,16 @@ def _problems(listed: _Events, where: Mask, describe: Any, expected: str) -> lis
     ]
 
 
-def _brought(
-    track: Track,
-    listed: _Events,
-    spread: Deviations | None,
-    t: Array,
-    options: SbetOptions,
-) -> ImportedFlight:
+def _table(
+    track: Track, listed: _Events, spread: Deviations | None, t: Array, meaning: Meaning
+) -> tuple[dict[str, Any], bool, float, float]:
+    """Return the trajectory, whether velocities serve, their misfit and the speed, m/s."""
     between = _between(track.time, t)
     off, speed = _velocity_misfit(track, between)
     faithful = off <= max(FAITHFUL_MS, FAITHFUL * speed)
     lonlath = _positions(track, between, by_velocity=faithful)
     rph = np.degrees(_attitudes(track, between))
-    meaning, lonlat = options.meaning, lonlath[:, :2]
-    height = orientations.in_flight(track.source, meaning, lonlat, lonlath[:, 2])
+    height = orientations.in_flight(track.source, meaning, lonlath[:, :2], lonlath[:, 2])
     table: dict[str, Any] = {
         "exposure": listed.names,
         "lat_deg": np.round(lonlath[:, 1], 11),
@@ -195,41 +181,25 @@ def _brought(
     if spread is not None:
         sigma = np.round(_deviations(spread, t), 7)
         table |= dict(zip((*SIGMA_POSITION, *SIGMA_ATTITUDE), sigma.T, strict=True))
-    tables = {f"{options.block}/trajectory.csv": table}
-    if options.camera:
-        images = {"image": listed.names, "camera": [options.camera] * len(t)}
-        tables[f"{options.block}/images.csv"] = images | {"exposure": listed.names}
-    sources = [track.source, listed.listed.source, *([spread.source] if spread else [])]
-    return ImportedFlight(
-        source="SBET at events",
-        sha256=safe.checksums(sources),
-        settings=orientations.settings(meaning),
-        tables=tables,
-        pictures=orientations.grid_file(meaning),
-        assumed=_assumed(listed, options),
-        found=_found(track, spread, t, off, speed),
-        left_out=_left_out(spread, faithful=faithful, off=off),
-    )
+    return table, faithful, off, speed
 
 
-def _assumed(listed: _Events, options: SbetOptions) -> tuple[str, ...]:
-    seconds, dated = options.leap_seconds, np.isfinite(listed.stamps.weeks).all()
-    shift = _is_utc(options.time) != _is_utc(options.trajectory_time)
+def _assumed(
+    listed: _Events, meaning: Meaning, time: str, leap_seconds: float | None
+) -> tuple[str, ...]:
     columns = " ".join(column.name for column in listed.listed.columns)
-    weeks = "by their weeks" if dated and options.week is not None else "in the nearest week"
     heading = "" if listed.listed.heading is None else "; its first line is a heading"
+    shift = f", and GPS time is {leap_seconds:g} s ahead of UTC" if _is_utc(time) else ""
     return (
-        f"The trajectory counts seconds of the week in {NAMES[options.trajectory_time]}; the times "
-        f"of the events are {options.time}"
-        + (f", and GPS time is {seconds:g} s ahead of UTC" if shift else "")
-        + f"; they are placed {weeks}.",
+        f"The trajectory counts seconds of the week in GPS time; the times of the events are {time}"
+        f"{shift}; they are placed in the nearest week.",
         f"The columns of the list of events are: {columns}{heading}.",
         *text_said(listed.listed),
         "True heading is platform heading minus wander angle; roll, pitch and heading are forward-"
         "right-down against north-east-down.",
         "Positions are those of the point to which the SBET refers, taken for the IMU; latitude "
         "and longitude are of the datum of the flight's CRS.",
-        orientations.heights_said(replace(options.meaning, ellipsoidal=True)),
+        orientations.heights_said(replace(meaning, ellipsoidal=True)),
     )
 
 
@@ -556,14 +526,13 @@ def _continued(times: Array) -> Array:
     return times + WEEK_S * np.cumsum(falls)
 
 
-def _on_clock(stamps: _Stamps, times: Array, *, ahead: float, week: int | None) -> Array:
+def _on_clock(stamps: _Stamps, times: Array, *, ahead: float) -> Array:
     """Return the times of events on the clock of a trajectory."""
     seconds = stamps.seconds + ahead  # by leap seconds, where one counts UTC and the other GPS
     nearest = np.round((times[[0, -1]].mean() - seconds) / WEEK_S)
     dated: Mask = np.isfinite(stamps.weeks)
     if dated.all() and len(seconds):
-        first = float(week) if week is not None else stamps.weeks[0] - nearest[0]
-        nearest = stamps.weeks - first
+        nearest = stamps.weeks - stamps.weeks[0] + nearest[0]
     return np.asarray(seconds + WEEK_S * nearest, dtype=float)
 
 
@@ -579,9 +548,9 @@ class _Events:
     stamps: _Stamps
 
 
-def _read_events(source: Opened, *, columns: str, separator: str, base: str) -> _Events:
+def _read_events(source: Opened, *, columns: str, base: str) -> _Events:
     """Return the events of a text."""
-    listed = read_list(source, columns, separator=separator, numbers=("time", "week"))
+    listed = read_list(source, columns, numbers=("time", "week"))
     name = next((column for column in ("exposure", "image") if listed.has(column)), "")
     needed = ("time", "week") if base == WEEK_SOW else ("time",)
     missing = [column for column in needed if not listed.has(column)] + ["image"] * (not name)

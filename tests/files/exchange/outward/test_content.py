@@ -102,13 +102,18 @@ def test_what_is_not_there_is_one_line_that_says_what_is(rig, single, tmp_path):
 def test_a_calibration_whose_data_contradict_each_other_is_not_exported(tmp_path):
     results = leave_calibration(tmp_path, estimated("CAM"))
     edit_summary(results, "mounting/single_step", stopped=["too much: one sentence"])
-    with pytest.raises(FlightError, match=r"summary\.json: was changed"):
-        content.read(results)
-    (results / ".acx4.json").unlink()
     with pytest.raises(FlightError, match="any method that can be exported; it has none"):
         content.read(results)
     with pytest.raises(FlightError, match="single_step that can be exported; too much: one"):
         content.read(results, method="single_step")
+
+
+def test_a_kept_flight_that_was_changed_is_refused(tmp_path):
+    results = leave_calibration(tmp_path, estimated("CAM"))
+    with (results / "flight" / "flight.toml").open("a") as file:
+        file.write("# more\n")
+    with pytest.raises(FlightError, match=r"flight\.toml changed since the run"):
+        content.read(results)
 
 
 # --- Heads relative to the first: against a numerical derivative, and as a chain of poses

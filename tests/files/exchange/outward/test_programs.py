@@ -19,7 +19,6 @@ from acx4files.exchange.outward.programs import KINDS
 from acx4files.exchange.programs import colmap
 from acx4files.exchange.programs import metashape as programs_metashape
 from acx4files.exchange.trajectories import orientations as trajectories_orientations
-from acx4files.exchange.trajectories.orientations import Meaning
 from acx4files.flight.settings import camera_of
 from acx4lib.geometry.camera import correct, xy_from_colrow
 from acx4lib.geometry.collinearity import project
@@ -333,9 +332,8 @@ CRS = "EPSG:31982"
 
 
 def from_opk(folder):
-    meaning = Meaning(crs=CRS)
-    options = trajectories_orientations.TableOptions(of="camera")
-    return trajectories_orientations.read(folder / "orientations.csv", meaning, options)
+    path = folder / "orientations.csv"
+    return trajectories_orientations.read(path, of="camera", crs=CRS)
 
 
 READERS = {

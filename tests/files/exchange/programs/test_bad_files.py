@@ -25,7 +25,7 @@ from support.projects import scene
 LIST = "1 c\n5 0.1 0.2\n6 0.1 0.2\n-99\n2 c\n5 0.3 0.2\n-99\n"
 GEOIN = "CONT 5 1 2 3\nCHCK 6 4 5 6\n"
 GCP_LIST = "EPSG:32610\n1 2 3 4 5 a x\n7 2 3 4 5 b y\n"
-SIZED = {"size": (640, 480), "pixel_um": 2.0}
+SIZED = {"size": "640x480", "pixel_um": 2.0}
 SAVED = """<calibration>
 <projection>frame</projection>
 <width>1280</width><height>960</height>

@@ -153,18 +153,10 @@ def test_a_project_in_archives_is_the_exported_file(tmp_path):
     assert next(iter(packed.sha256)) == "p.psx"
 
 
-def test_a_chunk_is_chosen_by_its_label(tmp_path):
-    metashape.write_project(tmp_path)
-    with pytest.raises(FlightError, match=r"document: has no chunk 'x'; must be one of 'Chunk 1'"):
-        reading.read(tmp_path / "p.psx", chunk="x")
-
-
 def test_two_chunks_in_one_document(tmp_path):
     path = tmp_path / "c.xml"
     both = metashape.chunk() + metashape.chunk().replace("Chunk 1", "Chunk 2")
     path.write_text(f"<document>{both}</document>")
-    second = reading.read(path, chunk="Chunk 2")
-    assert any("other chunks: Chunk 1" in one for one in second.left_out)
     assert any("other chunks: Chunk 2" in one for one in reading.read(path).left_out)
 
 

@@ -170,7 +170,7 @@ def test_a_real_list():
 # Lists of BINGO and PAT-B: pixels of Pix4D's documented example, blocks, units, control.
 
 
-BLOCK = {"size": (4000, 3000), "pixel_um": 2.0}
+BLOCK = {"size": "4000x3000", "pixel_um": 2.0}
 
 PIX4D = """P1060498 H_8.07_6.0525
 1006 -1.90643 1.83493
@@ -195,7 +195,7 @@ def write(folder, geoin=GEOIN):
 
 
 def test_millimetres_from_the_middle_become_pixels(tmp_path):
-    brought = photo_lists.read_bingo(write(tmp_path), size=(4000, 3000), pixel_um=1.5)
+    brought = photo_lists.read_bingo(write(tmp_path), size="4000x3000", pixel_um=1.5)
     points = brought.tables["calibration/image_points.csv"]
     assert_allclose([points["col_px"], points["row_px"]], [[999.5, 3999.5], [499.5, 1999.5]])
     assert brought.settings["cameras"] == {
@@ -204,7 +204,7 @@ def test_millimetres_from_the_middle_become_pixels(tmp_path):
 
 
 def test_control_points_are_read_and_said_to_be_untried(tmp_path):
-    brought = photo_lists.read_bingo(write(tmp_path), size=(4000, 3000), pixel_um=1.5)
+    brought = photo_lists.read_bingo(write(tmp_path), size="4000x3000", pixel_um=1.5)
     assert brought.tables["control_points.csv"] == {
         "point": ["1006", "1020"],
         "east_m": [1.0, 4.0],

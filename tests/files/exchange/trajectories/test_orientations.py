@@ -1,6 +1,7 @@
 """Orientations of a list, in the forms of a flight."""
 
 import json
+import re
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -15,7 +16,6 @@ from acx4files.exchange import flight_folder
 from acx4files.exchange.safe import Opened
 from acx4files.exchange.trajectories import orientations
 from acx4files.exchange.trajectories.listed import Column, left_out, read_list, text_said
-from acx4files.exchange.trajectories.orientations import Meaning, MeasuredOptions, TableOptions
 from acx4lib.errors import FlightError
 from acx4lib.geometry import frames
 from acx4lib.geometry.collinearity import project
@@ -32,7 +32,7 @@ def table(text, **meaning):
     with TemporaryDirectory() as folder:
         path = Path(folder) / "a.txt"
         path.write_text(text)
-        brought = orientations.read(path, Meaning(**meaning), TableOptions())
+        brought = orientations.read(path, **meaning)
     return brought.tables["calibration/trajectory.csv"]
 
 
@@ -69,8 +69,9 @@ def test_omega_phi_kappa_against_true_north_become_roll_pitch_heading():
 
 def test_units_and_orders():
     text = "image x y z omega phi kappa\nA 1 2 3 {} {} {}\n"
-    gon = table(text.format(10, 20, 100), angle="gon")
-    rad = table(text.format(*np.radians([9, 18, 90])), angle="rad")
+    in_gon, in_rad = (re.sub("(omega|phi|kappa)", rf"\1_{unit}", text) for unit in ("gon", "rad"))
+    gon = table(in_gon.format(10, 20, 100))
+    rad = table(in_rad.format(*np.radians([9, 18, 90])))
     for name, degrees in (("omega_deg", 9), ("phi_deg", 18), ("kappa_deg", 90)):
         assert gon[name][0] == pytest.approx(degrees)
         assert rad[name][0] == pytest.approx(degrees)
@@ -83,7 +84,7 @@ def test_units_and_orders():
 
 def test_scaled_heights_and_heights_of_the_flight():
     text = f"image x y z omega phi kappa\nA {EAST} {NORTH} 2250 0 0 0\n"
-    scaled = table(text, crs=CRS, ground_m=250.0)["height_m"][0]
+    scaled = table(text, crs=CRS, scaled_above=250.0)["height_m"][0]
     assert scaled == pytest.approx(250 + 2000 / 0.9999823472, abs=1e-4)
     geoid = table(text, crs=CRS, heights=5.25, ellipsoidal=True)["height_m"][0]
     assert geoid == pytest.approx(2244.75)
@@ -116,8 +117,8 @@ def test_positions_in_two_forms_must_agree():
 # --- Tables of orientations that other programs wrote
 
 
-def read(file, options=None, **meaning):
-    return orientations.read(data.path(file), Meaning(**meaning), options or TableOptions())
+def read(file, **options):
+    return orientations.read(data.path(file), **options)
 
 
 def columns(table, *names):
@@ -127,7 +128,7 @@ def columns(table, *names):
 @needs("formats")
 def test_a_table_is_what_the_same_program_wrote_as_json():
     crs = data.path("formats/orthority/io_ngi_xyz_opk.prj").read_text()
-    brought = read("formats/orthority/io_ngi_xyz_opk.csv", TableOptions(of="camera"), crs=crs)
+    brought = read("formats/orthority/io_ngi_xyz_opk.csv", of="camera", crs=crs)
     table = brought.tables["calibration/trajectory.csv"]
     said = json.loads(data.path("formats/orthority/io_ngi_ext_param.geojson").read_text())
     shots = [shot["properties"] for shot in said["features"]]
@@ -142,7 +143,7 @@ def test_a_table_is_what_the_same_program_wrote_as_json():
 def test_roll_pitch_yaw_of_a_drone_against_its_adjusted_omega_phi_kappa():
     # the camera's x points right and its y forward: a quarter turn from the body's axes
     measured = read("formats/orthority/io_odm_lla_rpy.csv").tables["calibration/trajectory.csv"]
-    adjusted = read("formats/orthority/io_odm_xyz_opk.csv", TableOptions(of="camera"))
+    adjusted = read("formats/orthority/io_odm_xyz_opk.csv", of="camera")
     table = adjusted.tables["calibration/trajectory.csv"]
     order = [table["exposure"].index(name.removesuffix(".tif")) for name in measured["exposure"]]
     grid = GridSystem(crs="EPSG:32651")
@@ -161,9 +162,9 @@ def test_roll_pitch_yaw_of_a_drone_against_its_adjusted_omega_phi_kappa():
 
 @needs("ign-uce-m3")
 def test_the_heights_of_a_real_block_lose_the_scale_of_the_map():
-    options = TableOptions(of="camera", block="validation")
+    options = {"of": "camera", "block": "validation"}
     meaning = {"crs": "EPSG:2154", "heights": str(data.path("ign-uce-m3/fr_ign_RAF20.tif"))}
-    brought = read("ign-uce-m3/images.OPK", options, ground_m=3.0, **meaning)
+    brought = read("ign-uce-m3/images.OPK", scaled_above=3.0, **options, **meaning)
     table = brought.tables["validation/trajectory.csv"]
     # IGN's own factor at this place is 1.000283
     assert table["height_m"][0] == pytest.approx(3 + (1771.280 - 3) / 1.000283, abs=2e-3)
@@ -187,8 +188,8 @@ PLACE = f"{LAT:.7f} {LON:.7f}"
 
 def read_pospac(tmp_path, text, **meaning):
     (tmp_path / "eo.txt").write_text(text)
-    given = Meaning(**{"crs": "EPSG:32617", **meaning})
-    return orientations.read_pospac(tmp_path / "eo.txt", given, TableOptions())
+    given = {"crs": "EPSG:32617", **meaning}
+    return orientations.read(tmp_path / "eo.txt", columns="pospac", **given)
 
 
 def rows(*cells):
@@ -332,7 +333,7 @@ def test_orientations_of_a_real_flight_by_applanix(tmp_path, name):
 
 POINTS, CONTROL = "calibration/image_points.csv", "control_points.csv"
 TWO = {"image": ["a", "b"], "point": ["P 1", "P 2"], "col_px": [1.5, 2.5], "row_px": [3.0, 4.0]}
-UTM = Meaning(crs="EPSG:32633", heights=45.0)
+UTM = {"crs": "EPSG:32633", "heights": 45.0}
 
 
 @pytest.fixture
@@ -346,7 +347,7 @@ def file(tmp_path):
 
 
 def measured(path, **options):
-    return orientations.measured([path], MeasuredOptions(**options))
+    return orientations.measured([path], **options)
 
 
 @pytest.mark.parametrize(
@@ -367,7 +368,7 @@ def test_any_order_of_columns_makes_the_same_table(file, text, columns):
 
 
 def test_the_middle_of_the_first_pixel_becomes_zero_and_images_get_a_camera(file):
-    brought = measured(file("point image x y sigma\nP a 1 1 0.3\n"), first=1.0, camera="CAM")
+    brought = measured(file("point image x y sigma\nP a 1 1 0.3\n"), first="1", camera="CAM")
     points = {"image": ["a"], "point": ["P"], "col_px": [0.0], "row_px": [0.0], "sigma_px": [0.3]}
     assert brought.tables == {
         POINTS: points,
@@ -403,8 +404,7 @@ def test_bad_measurements_are_refused_in_one_line(file, text, columns, says):
 def test_geographic_points_with_ellipsoidal_heights_become_the_flights(file):
     path = file("P 1 47.5 15.25 300\n")
     columns = {"columns": "point skip lat lon height"}
-    meaning = Meaning(crs=UTM.crs, heights=UTM.heights, ellipsoidal=True)
-    brought = orientations.surveyed(path, meaning, role="check", **columns)
+    brought = orientations.surveyed(path, role="check", ellipsoidal=True, **UTM, **columns)
     table = brought.tables[CONTROL]
     there = GridSystem(crs="EPSG:32633").lonlat_from_grid(
         np.stack([table["east_m"], table["north_m"]], axis=1)
@@ -426,7 +426,7 @@ def test_geographic_points_with_ellipsoidal_heights_become_the_flights(file):
 )
 def test_bad_surveyed_points_are_refused_in_one_line(file, text, says):
     with pytest.raises(FlightError) as raised:
-        orientations.surveyed(file(text), UTM)
+        orientations.surveyed(file(text), **UTM)
     (line,) = raised.value.problems
     assert says in line
 
@@ -434,20 +434,19 @@ def test_bad_surveyed_points_are_refused_in_one_line(file, text, says):
 @needs("ign-uce-m3")
 def test_igns_control_lies_where_it_was_measured(tmp_path):
     files = {name: data.path(f"ign-uce-m3/{name}") for name in ("images.OPK", "fr_ign_RAF20.tif")}
-    meaning = Meaning(
-        crs="EPSG:2154", heights=str(files["fr_ign_RAF20.tif"]), ground_m=3.0, ellipsoidal=False
-    )
-    ellipsoidal = Meaning(crs=meaning.crs, heights=meaning.heights, ellipsoidal=True)
+    system = {"crs": "EPSG:2154", "heights": str(files["fr_ign_RAF20.tif"])}
     pairs = [data.path(f"ign-uce-m3/{name}.mes") for name in ("tie_points", "control_points")]
-    options = MeasuredOptions(columns="point image col row")
     surveyed = orientations.surveyed(
-        data.path("ign-uce-m3/control_points.app"), ellipsoidal, columns="point skip x y z"
+        data.path("ign-uce-m3/control_points.app"),
+        columns="point skip x y z",
+        ellipsoidal=True,
+        **system,
     )
     camera = {"width_px": 26460, "height_px": 17004, "pixel_um": 4.0, "focal_mm": 123.9}
     lens = {"xp_mm": (13210 - 13229.5) * 0.004, "yp_mm": (8501.5 - 8502) * 0.004}
     for brought in (
-        orientations.read(files["images.OPK"], meaning, TableOptions(of="camera")),
-        orientations.measured(pairs, options),
+        orientations.read(files["images.OPK"], of="camera", scaled_above=3.0, **system),
+        orientations.measured(pairs, columns="point image col row"),
         surveyed,
     ):
         flight_folder.write(brought, tmp_path)
@@ -494,9 +493,9 @@ def test_a_word_has_a_name_and_may_have_a_unit(word, name, unit):
 NUMBERS = ("east", "omega")
 
 
-def point_tables_read(text, columns="", separator=""):
+def point_tables_read(text, columns=""):
     source = Opened(file="a.txt", data=text.encode())
-    return read_list(source, columns, separator=separator, numbers=NUMBERS)
+    return read_list(source, columns, numbers=NUMBERS)
 
 
 @pytest.mark.parametrize(
@@ -532,7 +531,7 @@ def test_commas_that_may_set_thousands_apart_are_refused(text, cell):
 @pytest.mark.parametrize("row", ["A nan nan 1", "A 1,5 2,5 1", "A - - 1", "A *** 2.0 1"])
 def test_a_first_row_of_spoilt_numbers_is_no_heading(row):
     with pytest.raises(FlightError, match=r"a.txt:1"):
-        point_tables_read(f"{row}\nB 1.0 2.0 1\n", "image x y omega", "space").numbers("east")
+        point_tables_read(f"{row}\nB 1.0 2.0 1\n", "image x y omega").numbers("east")
 
 
 def test_a_heading_beside_declared_columns_is_told_and_where_it_contradicts_them():

@@ -9,7 +9,6 @@ from acx4book.reference import data
 from acx4files.exchange import safe
 from acx4files.exchange.safe import Opened
 from acx4files.exchange.trajectories import sbet
-from acx4files.exchange.trajectories.orientations import Meaning
 from acx4lib.errors import FlightError
 from acx4lib.geometry import frames
 from support.helpers import needs
@@ -30,8 +29,8 @@ def files(tmp_path, made):
 def read(folder, events, *, deviations=False, **options):
     (folder / "events.txt").write_text(events)
     spread = folder / "a.smrmsg" if deviations else None
-    given = sbet.SbetOptions(**{"time": "gps-sow", **options})
-    return sbet.read(folder / "a.sbet", folder / "events.txt", spread, given)
+    given = {"time": "gps-sow", **options}
+    return sbet.read(folder / "a.sbet", events=folder / "events.txt", smrmsg=spread, **given)
 
 
 def error(folder, events, **options):
@@ -58,8 +57,7 @@ def test_rows_are_the_motion_in_closed_form(files, made):
 
 
 def test_heights_of_the_flight_may_be_others(files, made):
-    meaning = Meaning(crs="EPSG:32611", heights=-30.0)
-    brought = read(files, "image,time\nA,604796\n", meaning=meaning)
+    brought = read(files, "image,time\nA,604796\n", crs="EPSG:32611", heights=-30.0)
     expected = made.motion(np.array([1.0]))[0][0, 2] + 30
     assert brought.tables["calibration/trajectory.csv"]["height_m"] == pytest.approx([expected])
     assert brought.settings == {"crs": "EPSG:32611", "heights": -30.0}
@@ -72,18 +70,29 @@ def test_clocks_are_never_mixed_silently(files):
     brought = read(files, utc, time="utc-sow", leap_seconds=18)
     assert brought.tables["calibration/trajectory.csv"]["time_s"].tolist() == [604796.0]
     assert "18 s ahead of UTC" in brought.assumed[0]
-    late = "image,time\nA,604814.0\n"
-    brought = read(files, late, trajectory_time="utc-sow", leap_seconds=18)
-    assert brought.tables["calibration/trajectory.csv"]["time_s"].tolist() == [604796.0]
 
 
 def test_gaps_and_events_outside_are_named_by_line(files):
     said = error(files, "image,time\nA,604796\nB,604794\nC,1.2\nD,400000\n").split("\n")
     places = "must lie between 604795.000 and 604804.990 s, of a.sbet"
     assert said[0].endswith(f"events.txt:3: time: is 604794.000 s; {places}")
-    assert "events.txt:4: time: lies in a gap of 0.500 s; must be at most 0.1 s: --gap" in said[1]
+    assert "events.txt:4: time: lies in a gap of 0.500 s; must be at most 0.1 s" in said[1]
     assert "events.txt:5: time: is 400000.000 s" in said[2]
-    assert len(read(files, "image,time\nC,1.2\n", gap_s=0.6).tables) == 1
+
+
+@pytest.mark.parametrize("rate", [1, 2, 5, 10, 20, 50, 100, 200])
+def test_steps_of_the_trajectorys_own_rate_are_no_gaps(tmp_path, made, rate):
+    t = np.round(np.arange(0, 20, 1 / rate), 6)
+    (tmp_path / "a.sbet").write_bytes(made.sbet(t, start=381000.005))
+    rows = "".join(f"E{k},{381000.5 + 0.97 * k:.3f}\n" for k in range(15))
+    read(tmp_path, f"image,time\n{rows}")
+
+
+def test_a_week_that_is_not_the_trajectorys_is_outside(files):
+    events = "image,week,time\nA,2300,604796\nB,2301,3\n"
+    found = read(files, events, time="gps-week-sow")
+    assert found.tables["calibration/trajectory.csv"]["time_s"].tolist() == [604796, 604803]
+    assert "is 1209603.000 s" in error(files, events.replace("2301", "2302"), time="gps-week-sow")
 
 
 def test_velocities_of_another_frame_are_not_used(files):
@@ -165,7 +174,7 @@ def at_rate(folder, made, interval, *, westward=1):
     records = np.frombuffer(made.sbet(times)).reshape(-1, 17).copy()
     records[:, 5] *= westward
     (folder / "a.sbet").write_bytes(records.tobytes())
-    return read(folder, WHEN, gap_s=1.0)
+    return read(folder, WHEN)
 
 
 def columns(brought, *names):
@@ -202,7 +211,7 @@ def test_records_across_the_antimeridian(tmp_path, made):
     records = np.frombuffer(made.sbet(np.array([0.0, 1.0]))).reshape(-1, 17).copy()
     records[:, 2] = [np.pi - 1e-6, -np.pi + 1e-6]
     (tmp_path / "a.sbet").write_bytes(records.tobytes())
-    lon = columns(read(tmp_path, "image,time\nA,0.25\nB,0.75\n", gap_s=1.0), "lon_deg")[:, 0]
+    lon = columns(read(tmp_path, "image,time\nA,0.25\nB,0.75\n"), "lon_deg")[:, 0]
     assert np.abs(lon) == pytest.approx(180.0, abs=1e-4)
     assert np.sign(lon).tolist() == [1, -1]
 
@@ -232,8 +241,7 @@ def test_velocities_that_do_not_fit_are_seen(tmp_path, made):
 )
 def test_every_base(tmp_path, made, base, event, start, expected):
     (tmp_path / "a.sbet").write_bytes(made.sbet(T, start=start))
-    clock = "utc-sow" if base == "iso-8601" else "gps-sow"
-    brought = read(tmp_path, event, time=base, trajectory_time=clock, week=2300)
+    brought = read(tmp_path, event, time=base, leap_seconds=0)
     assert columns(brought, "time_s").tolist() == [[expected]]
 
 
