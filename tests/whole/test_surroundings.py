@@ -98,6 +98,7 @@ for typed in sys.argv[1:]:
 
 COMMANDS = (
     "simulate single-head --out flight",
+    "check flight",
     "run flight --results results --numbers-only",
     "report results --out report.html",
 )
