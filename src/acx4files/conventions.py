@@ -11,10 +11,11 @@ calls it, and a command that failed; no stage does.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pyproj
@@ -47,26 +48,11 @@ class Recorded(Protocol):
 
     @property
     def text(self) -> Mapping[str, Sequence[str]]:
-        """Its names, with the column exposure."""
+        """Names, with the column exposure."""
 
     @property
     def numbers(self) -> Numbers:
-        """Its numbers."""
-
-
-class Flown(Protocol):
-    """A flight, of which only this is needed."""
-
-    @property
-    def blocks(self) -> Mapping[str, Block]:
-        """Its blocks by name."""
-
-    @property
-    def trajectories(self) -> Mapping[str, Recorded]:
-        """Their trajectories."""
-
-    def block(self, name: str, /) -> Block:
-        """Return a block; FlightError where there is none."""
+        """All other columns that are known."""
 
 
 # --- What the numbers of a trajectory, of heights and of pixels may mean, the simplest first
@@ -90,15 +76,6 @@ class Meaning(NamedTuple):
     says: str
     quantity: str
     numbers: Numbers
-
-    @property
-    def name(self) -> str:
-        """Columns and meaning, as in "pitch of opposite sign"."""
-        return f"{_plain(self.columns)} {self.says}"
-
-
-def _plain(columns: Sequence[str]) -> str:
-    return ", ".join(c.removesuffix("_deg").removesuffix("_m").removesuffix("_px") for c in columns)
 
 
 def poses(numbers: Numbers, frame: MappingFrame) -> Pose:
@@ -170,8 +147,8 @@ def _angle_readings(
     ):
         yield (heading,), says, [values]
     yield (roll, pitch), "exchanged", [b, a]
-    for flipped, i, j in (("the first", -1, 1), ("the second", 1, -1), ("both", -1, -1)):
-        yield (roll, pitch), f"exchanged, then {flipped} of opposite sign", [i * b, j * a]
+    for turned, i, j in (("the first", -1, 1), ("the second", 1, -1), ("both", -1, -1)):
+        yield (roll, pitch), f"exchanged, then {turned} of opposite sign", [i * b, j * a]
     yield (roll, heading), "exchanged", [c, a]
     yield (pitch, heading), "exchanged", [c, b]
     if not with_north:
@@ -223,7 +200,9 @@ def height_readings(height: Array, lonlat: Array, grid: GridSystem) -> Iterator[
         yield "above the ellipsoid", height - undulation
 
 
-def pixel_readings(colrow: Array, size: Array, pixel_mm: Array) -> Iterator[tuple[str, str, Array]]:
+def pixel_readings(
+    colrow: Array, size: Array, pixel_mm: Array
+) -> Iterator[tuple[tuple[str, ...], str, Array]]:
     """Yield other readings of image measurements: columns, their meaning, pixels.
 
     Half a pixel is not among them: no measurement tells it from the principal point.
@@ -236,13 +215,13 @@ def pixel_readings(colrow: Array, size: Array, pixel_mm: Array) -> Iterator[tupl
         Width and height of the image of each, px.
     pixel_mm : ndarray, shape (n, 1)
     """
-    col, row = colrow.T
-    right, bottom = (size - 1 - colrow).T
-    yield "row_px", "counted from the bottom", np.column_stack([col, bottom])
-    yield "col_px", "counted from the right", np.column_stack([right, row])
-    yield "col_px, row_px", "exchanged", np.column_stack([row, col])
-    yield "col_px, row_px", "in mm from the middle", (size - 1) / 2 + colrow / pixel_mm * [1, -1]
-    yield "col_px, row_px", "in mm from the corner", colrow / pixel_mm - 0.5
+    (col, row), (right, bottom) = colrow.T, (size - 1 - colrow).T
+    both = ("col_px", "row_px")
+    yield both[1:], "counted from the bottom", np.column_stack([col, bottom])
+    yield both[:1], "counted from the right", np.column_stack([right, row])
+    yield both, "exchanged", np.column_stack([row, col])
+    yield both, "in mm from the middle", (size - 1) / 2 + colrow / pixel_mm * [1, -1]
+    yield both, "in mm from the corner", colrow / pixel_mm - 0.5
 
 
 def _plane_readings(xy: Array, grid: GridSystem) -> Iterator[tuple[str, Array]]:
@@ -261,47 +240,62 @@ def _plane_readings(xy: Array, grid: GridSystem) -> Iterator[tuple[str, Array]]:
                 yield f"of UTM zone {zone}{hemisphere}", grid.grid_from_lonlat(lonlat)
 
 
-def _degree_readings(lonlat: Array) -> Iterator[tuple[str, Array]]:
-    """Yield other readings of longitude and latitude: meaning, and degrees, shape (n, 2)."""
-    yield "swapped", lonlat[:, ::-1]
-    yield "in radians", np.degrees(lonlat)
-    for columns, signs in (("lon_deg", [-1, 1]), ("lat_deg", [1, -1]), ("both", [-1, -1])):
-        yield f"of opposite sign ({columns})", lonlat * signs
+def _degree_readings(lonlat: Array) -> Iterator[tuple[tuple[str, ...], str, Array]]:
+    """Yield other readings of longitude and latitude: columns, meaning, degrees, shape (n, 2)."""
+    both = ("lat_deg", "lon_deg")
+    yield both, "swapped", lonlat[:, ::-1]
+    yield both, "in radians", np.degrees(lonlat)
+    for columns, signs in ((both[1:], [-1, 1]), (both[:1], [1, -1]), (both, [-1, -1])):
+        yield columns, "of opposite sign", lonlat * signs
 
 
 # --- The readings of a block: some of its measurements, and the poses of the body
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Reading:
     """A reading of a block.
 
     Attributes
     ----------
-    name : str
-        The change, such as "pitch of opposite sign".
+    table : str
+        Where the numbers stand: a table of the block, "mount" or "".
+    columns : tuple of str
+        Columns that are read otherwise.
+    meaning : str
+        What they were, such as "of opposite sign".
     quantity : {"attitude", "position", "image"}
         Quantity that changes most.
     seen : Sightings
     T_m_b : Pose
         One per exposure of the sightings.
-    table, column, says : str
-        Where the numbers stand, and the end of a sentence that begins with "it looks as if".
     velocity : ndarray, shape (n_exposures, 3), or None
         m/s, where a delay is to be found.
     of_some : bool
         Whether it changes some images only, perhaps too few for the misfit of all.
     """
 
-    name: str
+    table: str
+    columns: tuple[str, ...]
+    meaning: str
     quantity: str
     seen: Sightings
     T_m_b: Pose
-    table: str = ""
-    column: str = ""
-    says: str = ""
     velocity: Array | None = None
     of_some: bool = False
+
+    @property
+    def name(self) -> str:
+        """Columns and meaning, as in "pitch of opposite sign"."""
+        plain = ", ".join(re.sub("_(deg|m|px)$", "", column) for column in self.columns)
+        of_control = " of control points" if self.table == "control_points" else ""
+        return f"{plain}{of_control} {self.meaning}".strip()
+
+    @property
+    def says(self) -> str:
+        """The end of a sentence that begins with "it looks as if"."""
+        columns = ", ".join(self.columns).replace("east_m, north_m", "east_m and north_m")
+        return f"{columns} were {self.meaning}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -324,16 +318,8 @@ class _Case:
         with np.errstate(all="ignore"):
             T_m_b = poses({n: v[self.rows] for n, v in meaning.numbers.items()}, self.frame)
         if np.isfinite(T_m_b.r).all() and np.isfinite(T_m_b.R).all():
-            last = meaning.columns[-1] if meaning.quantity == "attitude" else meaning.columns[0]
-            yield Reading(
-                name=meaning.name,
-                quantity=meaning.quantity,
-                seen=self.seen,
-                T_m_b=T_m_b,
-                table="trajectory",
-                column=last if last in self.numbers else "exposure",
-                says=f"{', '.join(meaning.columns)} were {meaning.says}",
-            )
+            columns, says, quantity, _ = meaning
+            yield Reading("trajectory", columns, says, quantity, self.seen, T_m_b)
 
     def surveyed(self, columns: tuple[str, ...], says: str, enh: Array) -> Iterator[Reading]:
         """Yield a reading of the surveyed points, if they are on the earth."""
@@ -341,15 +327,8 @@ class _Case:
         with np.errstate(all="ignore"):
             x_m[known] = self.frame.from_grid(enh[known])
         if np.isfinite(x_m[known]).all():
-            yield Reading(
-                name=f"{_plain(columns)} of control points {says}",
-                quantity="position",
-                seen=replace(self.seen, x_m=x_m),
-                T_m_b=self.T_m_b,
-                table="control_points",
-                column=columns[0],
-                says=f"{', '.join(columns)} were {says}",
-            )
+            seen = replace(self.seen, x_m=x_m)
+            yield Reading("control_points", columns, says, "position", seen, self.T_m_b)
 
 
 def _case(block: Block, trajectory: Recorded, seen: Sightings, enh: Array | None = None) -> _Case:
@@ -393,15 +372,8 @@ def _of_pixels(case: _Case) -> Iterator[Reading]:
     size = np.array([[c.width_px, c.height_px] for c in given])[seen.camera_idx]
     pixel_mm = np.array([[c.pixel_mm] for c in given])[seen.camera_idx]
     for columns, meaning, colrow in pixel_readings(seen.colrow, size, pixel_mm):
-        yield Reading(
-            name=f"{columns.replace('_px', '')} {meaning}",
-            quantity="image",
-            seen=replace(seen, colrow=colrow),
-            T_m_b=case.T_m_b,
-            table="image_points",
-            column="row_px",
-            says=f"{columns} were {meaning}",
-        )
+        other = replace(seen, colrow=colrow)
+        yield Reading("image_points", columns, meaning, "image", other, case.T_m_b)
 
 
 # --- Whether surveyed points project near their measurements, and the likely mistake if not
@@ -415,19 +387,28 @@ JUDGED = 3
 """Number of control measurements that is enough to judge a single camera."""
 
 EXPLAINED_BY = 5000
-"""Number of measurements that mistakes are tried on; a part of more shows them as well."""
+"""Number of measurements that readings are tried on; a part of more shows them as well."""
 
 MOST = 0.75
 """Quantile of the distances that must be within the limit after a mistake is undone."""
 
 CLEARLY = 0.9
-"""Ratio to the best misfit so far below which a later mistake is clearly the better explanation."""
+"""Ratio to the best misfit so far below which a later reading is clearly the better explanation."""
+
+TURNED = 0.5
+"""The same ratio from which turned cameras explain nothing: they bring any far points near."""
 
 FAR = 50_000.0
 """Distance of a block from its control points, m, that only another CRS explains."""
 
 NO_TURN = np.radians(3.0)
 """Mounting angles below which a camera has the axes of the body."""
+
+NEARLY = 0.98
+"""Cosine from which a turn is about an axis."""
+
+NAMED = 10
+"""Number of cameras that a sentence names."""
 
 
 class Contradiction(NamedTuple):
@@ -533,25 +514,27 @@ def _contradiction(
     thin[measured[:: -(-len(measured) // EXPLAINED_BY)]] = True
     some = _all_surveyed(block, thin)
     case = _case(block, trajectory, some, enh[some.points])
-    best, after = _best_explanation(_mistakes(case, only))
-    table, column, camera = "", "east_m", ""
+    best, after = _best_explanation(_mistakes(case) if only is None else _turned_cameras(case))
+    table, column, camera = "mount" if only is not None else "", "east_m", ""
     if best is not None:
-        table, column = best.table, best.column
+        table = best.table
+        column = best.columns[-1 if best.quantity != "position" else 0] if best.columns else ""
+        column = "exposure" if column == "positions" else column
         where = f" in {files[table]}" if table in files else ""
-        found += f"; it looks as if {best.says}{where} (then {after * allowed:.0f} px)"
-    elif only is None:
-        found += f"; {_whereabouts(block)}"
+        of = slice(None) if only is None else slice(only, only + 1)
+        turned = _turned_axes(block.cameras[of], best.seen.cameras[of])
+        says = best.says if best.columns else turned
+        found += f"; it looks as if {says}{where} (then {after * allowed:.0f} px)"
     else:
-        found += "; no quarter turn or sign explains it"
-    if table == "mount" or only is not None:
-        table, column = "mount", "mount_kappa_deg"
-        camera = block.cameras[only or 0].name
+        found += f"; {_whereabouts(block)}" if only is None else "; no turn of its axes explains it"
+    if table == "mount":
+        column, camera = "mount_kappa_deg", block.cameras[only or 0].name
     expected = f"must be below {allowed:.0f} px, a quarter of the image diagonal"
     return Contradiction(table, column, camera, found, expected)
 
 
-def _best_explanation(tried: Iterator[Reading]) -> tuple[Reading | None, float]:
-    """Return the mistake that explains nearly all misfits, or None, and the median ratio then."""
+def _best_explanation(tried: Iterable[Reading]) -> tuple[Reading | None, float]:
+    """Return the reading that explains nearly all misfits, or None, and the median ratio then."""
     best, least, after = None, 1.0 / CLEARLY, np.inf
     for reading in tried:
         ratio = _ratio(reading.seen, reading.T_m_b)
@@ -560,74 +543,52 @@ def _best_explanation(tried: Iterator[Reading]) -> tuple[Reading | None, float]:
     return best, after
 
 
-def _mistakes(case: _Case, only: int | None) -> Iterator[Reading]:
+def _mistakes(case: _Case) -> Iterator[Reading]:
     """Yield a block with each of the usual mistakes undone."""
-    if only is None:
-        yield from _of_heights(case)
-        for says, xy in _plane_readings(case.enh[:, :2], case.frame.grid):
-            yield from case.surveyed(
-                ("east_m", "north_m"), says, np.column_stack([xy, case.enh[:, 2]])
-            )
-        yield from _of_positions(case)
-    yield from _of_mounting(case, only)
-    if only is None:
-        yield from _of_trajectory(case)
-        yield from _of_pixels(case)
+    yield from _of_heights(case)
+    for says, xy in _plane_readings(case.enh[:, :2], case.frame.grid):
+        enh = np.column_stack([xy, case.enh[:, 2]])
+        yield from case.surveyed(("east_m", "north_m"), says, enh)
+    yield from _of_positions(case)
+    yield from _turned_cameras(case)
+    yield from _of_trajectory(case)
+    yield from _of_pixels(case)
+
+
+def _turned_cameras(case: _Case) -> Iterator[Reading]:
+    """Yield the block with its cameras turned onto the surveyed points, if that explains much."""
+    with np.errstate(all="ignore"):
+        cameras = started(case.seen, case.T_m_b).cameras
+    seen = replace(case.seen, cameras=cameras)
+    if _upper(_ratio(seen, case.T_m_b), MOST) < TURNED:
+        yield Reading("mount", (), "", "attitude", seen, case.T_m_b)
+
+
+def _turned_axes(declared: Sequence[Camera], cameras: Sequence[Camera]) -> str:
+    """Return the end of a sentence on the mounting angles that fit."""
+    turned = np.degrees(log(declared[0].T_b_c.R.T @ cameras[0].T_b_c.R))
+    axis = int(np.argmax(np.abs(turned)))
+    by = f" by {(turned[axis] + 179.5) % 360 - 179.5:.0f} degrees about {'xyz'[axis]}"
+    by = by if abs(turned[axis]) > NEARLY * np.linalg.norm(turned) else ""
+    opk = {camera.name: np.round(np.degrees(camera.T_b_c.opk)) + 0.0 for camera in cameras}
+    listed = [f"{name} {o:.0f}, {p:.0f}, {k:.0f}" for name, (o, p, k) in opk.items()]
+    listed = [*listed[:NAMED], "…"] if len(listed) > NAMED else listed
+    body = len(cameras) == 1 and np.allclose(cameras[0].T_b_c.R, np.eye(3), atol=NO_TURN)
+    return (
+        f"the camera axes were turned{by}: mount_omega_deg, mount_phi_deg, mount_kappa_deg of "
+        f"{'; '.join(listed)} would fit"
+        + (", or the angles are of the camera, not of the body" if body else "")
+    )
 
 
 def _of_positions(case: _Case) -> Iterator[Reading]:
     on_map = "lat_deg" not in case.numbers
     columns = ("east_m", "north_m") if on_map else ("lon_deg", "lat_deg")
     xy = np.stack([case.numbers[name] for name in columns], axis=-1)
-    for says, other in _plane_readings(xy, case.frame.grid) if on_map else _degree_readings(xy):
+    of_plane = ((columns, says, other) for says, other in _plane_readings(xy, case.frame.grid))
+    for shown, says, other in of_plane if on_map else _degree_readings(xy):
         numbers = {**case.numbers, **dict(zip(columns, other.T, strict=True))}
-        shown = columns if on_map else ("lat_deg", "lon_deg")
         yield from case.moved(Meaning(shown, says, "position", numbers))
-
-
-def _of_mounting(case: _Case, only: int | None) -> Iterator[Reading]:
-    """Yield a block with other mountings: quarter turns, upside down, the inverse rotation."""
-    quarter = {k: turn(2, np.radians(k)) for k in (0, 90, 180, -90)}
-    turned = [(f"turned by {k} degrees about z", (R, None)) for k, R in quarter.items() if k]
-    turned += [("with z forward", (turn(0, np.pi) @ R, None)) for R in quarter.values()]
-    tried = [*turned, ("of the inverse rotation, body to camera", (None, None))]
-    tried += [("of other signs", (None, np.array(signs))) for signs in SIGNS]
-    for says, (R, signs) in tried:
-        cameras = tuple(
-            _remounted(camera, R, signs) if only in (None, k) else camera
-            for k, camera in enumerate(case.seen.cameras)
-        )
-        mounted = [camera for k, camera in enumerate(cameras) if only in (None, k)]
-        opk = [np.round(np.degrees(camera.T_b_c.opk)) + 0.0 for camera in mounted[:NAMED]]
-        listed = "; ".join(
-            f"{camera.name} {o:.0f}, {p:.0f}, {k:.0f}"
-            for camera, (o, p, k) in zip(mounted, opk, strict=False)
-        )
-        more = "; …" if len(mounted) > NAMED else ""
-        body = len(mounted) == 1 and np.allclose(mounted[0].T_b_c.R, np.eye(3), atol=NO_TURN)
-        or_body = ", or the angles are of the camera, not of the body" if body else ""
-        yield Reading(
-            name=says,
-            quantity="attitude",
-            seen=replace(case.seen, cameras=cameras),
-            T_m_b=case.T_m_b,
-            table="mount",
-            says=f"the camera axes were {says}: mount_omega_deg, mount_phi_deg, mount_kappa_deg "
-            f"of {listed}{more} would fit{or_body}",
-        )
-
-
-SIGNS = ((-1, 1, 1), (1, -1, 1), (-1, -1, 1), (1, 1, -1), (-1, -1, -1))
-NAMED = 10
-"""Number of cameras that a sentence names."""
-
-
-def _remounted(camera: Camera, R: Array | None, signs: Array | None) -> Camera:
-    """Return a camera turned by R, with other signs of its angles, or else by its inverse."""
-    R_b_c = camera.T_b_c.R.T if R is None else camera.T_b_c.R @ R
-    if signs is not None:
-        R_b_c = rotation_from_opk(camera.T_b_c.opk * signs)
-    return replace(camera, T_b_c=Pose(R=R_b_c, r=camera.T_b_c.r))
 
 
 def _whereabouts(block: Block) -> str:
@@ -723,12 +684,17 @@ def _shown(value: float, unit: str) -> str:
     return f"{number}{unit}" if unit == "°" else f"{number} {unit}"
 
 
-def best_reading(flight: Flown, block_name: str) -> Found | None:
+def best_reading(flight: Any, block_name: str) -> Found | None:
     """Return the reading of a block with a much smaller misfit than the given one; or None.
 
     Every usual reading of trajectory, control and image measurements is tried on at most sixty
     images. Mounting and interior orientation are estimated in each. They absorb some errors, such
     as a delay at one speed: these are not found. The principal point absorbs half a pixel.
+
+    Parameters
+    ----------
+    flight : acx4files.flight.Flight
+    block_name : str
 
     Raises
     ------
@@ -750,8 +716,8 @@ def best_reading(flight: Flown, block_name: str) -> Found | None:
         return named or other_unit(block, seen, given)
 
 
-def notes(flight: Flown) -> Iterator[str]:
-    """Yield a sentence for every block that another reading fits much better."""
+def notes(flight: Any) -> Iterator[str]:
+    """Yield a sentence for every block of a `Flight` that another reading fits much better."""
     for name in flight.blocks:
         reading = best_reading(flight, name)
         if reading is not None:
@@ -761,32 +727,31 @@ def notes(flight: Flown) -> Iterator[str]:
 def _readings(block: Block, case: _Case) -> Iterator[Reading]:
     """Yield the usual readings of a block, the simplest first."""
     yield from _of_trajectory(case)
-    given = Reading(name="", quantity="image", seen=case.seen, T_m_b=case.T_m_b)
     if (velocity := _velocities(block, case.seen)) is not None:
-        yield replace(given, name="the clock", quantity="position", velocity=velocity)
+        yield Reading("", (), "", "position", case.seen, case.T_m_b, velocity)
     if np.isfinite(case.enh[:, 0]).any():
         yield from _of_heights(case)
         swapped = case.enh[:, [1, 0, 2]]
         yield from case.surveyed(("east_m", "north_m"), "swapped", swapped)
-    yield from _north_up(given)
+    yield from _north_up(case)
     yield from _of_pixels(case)
 
 
-def _north_up(given: Reading) -> Iterator[Reading]:
+def _north_up(case: _Case) -> Iterator[Reading]:
     """Yield readings with images of one flying direction turned by 180 degrees, shown north up.
 
     The direction is against that of the first exposure, or along it.
     """
-    seen, ahead = given.seen, given.T_m_b.R[:, :2, 0]
+    seen, ahead = case.seen, case.T_m_b.R[:, :2, 0]
     size = np.array([[c.width_px, c.height_px] for c in seen.cameras])[seen.camera_idx]
     against = (ahead @ ahead[0] < 0)[seen.exposure_idx]
     if not against.any() or against.all():
         return
     for turned in (against, ~against):
         colrow = np.where(turned[:, None], size - 1 - seen.colrow, seen.colrow)
-        name = "images of the strips in one direction turned by 180 degrees (shown north up)"
-        turned_back = replace(seen, colrow=colrow)
-        yield replace(given, name=name, quantity="image", seen=turned_back, of_some=True)
+        says = "images of the strips in one direction turned by 180 degrees (shown north up)"
+        back = replace(seen, colrow=colrow)
+        yield Reading("image_points", (), says, "image", back, case.T_m_b, of_some=True)
 
 
 def _promising(others: list[Reading], usual: float) -> list[Reading]:
@@ -843,8 +808,7 @@ def _named(reading: Reading, fit: Mounted) -> Reading:
     if reading.velocity is None:
         return reading
     late = "late" if fit.delay_s < 0 else "early"
-    name = f"positions recorded {abs(fit.delay_s):.2g} s {late}"
-    return replace(reading, name=name)
+    return replace(reading, meaning=f"positions recorded {abs(fit.delay_s):.2g} s {late}")
 
 
 def _found(reading: Reading, given: Mounted, fit: Mounted) -> Found:
@@ -1294,25 +1258,30 @@ ROUNDS = 2, 3
 """How often the sizes of a pattern are estimated, each time after an adjustment without it, and
 how often where the reading is promising."""
 
+PART = 0.25
+"""Share of the residuals, of which a pattern that may be named makes up more."""
+
 SEARCHED_PX = 10.0
 """Misfit, px, from which the size of a pattern that has a limit is searched."""
+
+SEARCHED = 21
+"""Number of sizes that are tried then."""
 
 LEAST_SURVEYED = 4
 """Number of surveyed points from which they may be moved or scaled."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Pattern:
+class _Pattern(NamedTuple):
     """The effect of a mistake on the measurements or on the surveyed points.
 
     Attributes
     ----------
     name : str
         With places for the sizes.
-    by_image, by_point : ndarray, shape (n, 2, k) or (n_points, 3, k)
-        Image coordinates, radians, or meters, per unit of each size; one of them is empty.
     units : tuple of float
         By which the sizes are multiplied for the name.
+    by_image, by_point : ndarray, shape (n, 2, k) or (n_points, 3, k)
+        Image coordinates, radians, or meters, per unit of each size; one of them is None.
     limit : float
         Where residuals are large, the size is searched between minus and plus this limit, since
         linear steps do not lead to it; zero where they do.
@@ -1346,15 +1315,17 @@ def _fitted(
         if done >= usual and fit.misfit * FITTED > given.misfit:
             break
         by_size = _in_residuals(pattern, seen, T_m_b, fit)
-        sizes = total + _pattern_sizes(undone, T_m_b, fit, by_size)
+        step = _pattern_sizes(undone, T_m_b, fit, by_size)
+        if not total.any() and size(by_size @ step) < PART * given.misfit:
+            break  # without so small a part, the residuals are hardly smaller
+        sizes = total + step
         without, adjusted = _fitted_without(pattern, seen, T_m_b, sizes)
         if pattern.limit and adjusted.misfit > fit.misfit:
             break  # a searched size is not left for a linear step that fits worse
         total, undone, fit = sizes, without, adjusted
-    shown = (unit * size for unit, size in zip(pattern.units, total, strict=True))
+    says = pattern.name.format(*np.multiply(pattern.units, total))
     quantity = "image" if pattern.by_point is None else "position"
-    name = pattern.name.format(*shown)
-    return Reading(name=name, quantity=quantity, seen=undone, T_m_b=T_m_b), fit
+    return Reading("", (), says, quantity, undone, T_m_b), fit
 
 
 def _start(
@@ -1364,15 +1335,11 @@ def _start(
     camera, unchanged = seen.cameras[0], (np.zeros(len(pattern.units)), seen, given)
     if not pattern.limit or given.misfit < SEARCHED_PX * camera.pixel_mm / camera.interior.f:
         return unchanged
-    from scipy import optimize  # noqa: PLC0415 the check is quick where nothing is wrong
-
-    best = optimize.minimize_scalar(
-        lambda size: _fitted_without(pattern, seen, T_m_b, np.array([size]))[1].misfit,
-        bounds=(-pattern.limit, pattern.limit),
-        method="bounded",
-        options={"xatol": 0.005},
-    )
-    sizes = np.array([best.x])
+    fits = [
+        (_fitted_without(pattern, seen, T_m_b, np.array([size]))[1].misfit, size)
+        for size in np.linspace(-pattern.limit, pattern.limit, SEARCHED)
+    ]
+    sizes = np.array([min(fits)[1]])
     undone, fit = _fitted_without(pattern, seen, T_m_b, sizes)
     return (sizes, undone, fit) if fit.misfit < given.misfit else unchanged
 
@@ -1409,27 +1376,15 @@ def _mounted_of_control(seen: Sightings) -> Iterator[_Pattern]:
     surveyed: Mask = np.isfinite(seen.x_m[:, 0])
     if surveyed.sum() < LEAST_SURVEYED:
         return
-    shift = np.zeros((len(surveyed), 3, 2))
-    shift[surveyed] = np.eye(3)[:, :2]
-    yield _Pattern(
-        name="control points moved by {:+.2f} m east and {:+.2f} m north, as from another epoch,",
-        units=(1.0, 1.0),
-        by_point=shift,
-    )
-    raised = np.zeros((len(surveyed), 3, 1))
-    raised[surveyed, 2, 0] = 1.0
-    yield _Pattern(
-        name="control points moved by {:+.1f} m in height, as from another height system,",
-        units=(1.0,),
-        by_point=raised,
-    )
-    scale = np.zeros((len(surveyed), 3, 1))
+    shift, scale = np.zeros((len(surveyed), 3, 3)), np.zeros((len(surveyed), 3, 1))
+    shift[surveyed] = np.eye(3)
     scale[surveyed, :2, 0] = seen.x_m[surveyed, :2] - seen.x_m[surveyed, :2].mean(axis=0)
-    yield _Pattern(
-        name="control points scaled by {:+.0f} ppm, as from the ground to the grid,",
-        units=(1e6,),
-        by_point=scale,
-    )
+    says = "control points moved by {:+.2f} m east and {:+.2f} m north, as from another epoch,"
+    yield _Pattern(says, (1.0, 1.0), by_point=shift[:, :, :2])
+    says = "control points moved by {:+.1f} m in height, as from another height system,"
+    yield _Pattern(says, (1.0,), by_point=shift[:, :, 2:])
+    says = "control points scaled by {:+.0f} ppm, as from the ground to the grid,"
+    yield _Pattern(says, (1e6,), by_point=scale)
 
 
 def _mounted_of_images(
@@ -1441,24 +1396,16 @@ def _mounted_of_images(
         of_camera = seen.camera_idx == k
         xy[of_camera] = xy_from_colrow(camera, seen.colrow[of_camera]) / camera.interior.f
         height[of_camera] = camera.height_px
-    yield _Pattern(
-        name="image coordinates scaled by about {:+.0f} %, as by another focal_mm or pixel_um,",
-        units=(100.0,),
-        by_image=xy[:, :, None],
-        limit=0.5,
-    )
-    wider = np.zeros((len(seen), 2, 1))
-    wider[:, 0, 0] = xy[:, 0]
-    yield _Pattern(name="pixels that are {:+.2f} % wider than high", units=(100.0,), by_image=wider)
+    says = "image coordinates scaled by about {:+.0f} %, as by another focal_mm or pixel_um,"
+    yield _Pattern(says, (100.0,), by_image=xy[:, :, None], limit=0.5)
+    wider = np.stack([xy[:, 0], np.zeros(len(seen))], axis=1)[:, :, None]
+    yield _Pattern("pixels that are {:+.2f} % wider than high", (100.0,), by_image=wider)
     velocity = _velocities(block, seen)
     if velocity is not None:
         share = (seen.colrow[:, 1] - (height - 1) / 2) / height
         moved = _derivatives(seen, T_m_b, given) @ velocity[seen.exposure_idx][:, :, None]
-        yield _Pattern(
-            name="rows read out one after the other, a rolling shutter of {:+.0f} ms,",
-            units=(-1000.0,),
-            by_image=share[:, None, None] * moved,
-        )
+        says = "rows read out one after the other, a rolling shutter of {:+.0f} ms,"
+        yield _Pattern(says, (-1000.0,), by_image=share[:, None, None] * moved)
 
 
 def _velocities(block: Block, seen: Sightings) -> Array | None:

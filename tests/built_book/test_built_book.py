@@ -186,7 +186,6 @@ def test_on_paper_everything_is_open(browser, html, tmp_path):
 SEEN = """() => ({
     overflow: document.documentElement.scrollWidth - document.documentElement.clientWidth,
     broken: [...document.images].filter(i => !i.complete || !i.naturalWidth).length,
-    images: document.images.length,
     ground: getComputedStyle(document.body).backgroundColor,
     code: document.querySelectorAll('pre').length,
 })"""
@@ -206,7 +205,7 @@ def report_path(html, tmp_path_factory):
     ("width", "colours"),
     [(1280, "light"), (390, "dark"), repeats(1280, "dark"), repeats(390, "light")],
 )
-def test_the_report_is_drawn_whole_light_and_asks_for_nothing(browser, report_path, width, colours):
+def test_the_report_is_drawn_whole_and_asks_for_nothing(browser, report_path, width, colours):
     context = browser.new_context(
         viewport={"width": width, "height": 900}, color_scheme=colours, java_script_enabled=True
     )
@@ -218,8 +217,7 @@ def test_the_report_is_drawn_whole_light_and_asks_for_nothing(browser, report_pa
     context.close()
     assert [url for url in asked if not url.startswith("data:")] == [report_path.as_uri()]
     assert (seen["overflow"], seen["broken"], seen["code"]) == (0, 0, 0)
-    assert seen["images"] >= 6
-    assert seen["ground"] == "rgb(255, 255, 255)"
+    assert (seen["ground"] == "rgb(255, 255, 255)") == (colours == "light")
 
 
 def test_the_report_prints_on_a4_in_a_handful_of_pages(browser, report_path):
@@ -229,4 +227,4 @@ def test_the_report_prints_on_a4_in_a_handful_of_pages(browser, report_path):
     page.close()
     assert printed.startswith(b"%PDF")
     assert b"/MediaBox [0 0 594" in printed or b"/MediaBox [0 0 595" in printed  # 210 mm
-    assert 6 <= printed.count(b"/Type /Page\n") <= 20
+    assert 2 <= printed.count(b"/Type /Page\n") <= 5

@@ -1,4 +1,4 @@
-"""Mutated flights are read or refused by lines with their place, in 10 s and 1 GB each."""
+"""Mutated flights are read, or refused by lines with their place."""
 
 import pytest
 
@@ -6,11 +6,10 @@ from support.fuzz import run
 from support.helpers import repeats
 
 
-@pytest.mark.parametrize("cases", [10, repeats(500)])
-def test_no_mutated_flight_crashes_hangs_or_fills_the_memory(tmp_path, cases):
+@pytest.mark.parametrize("cases", [40, repeats(500)])
+def test_no_mutated_flight_ends_otherwise(tmp_path, cases):
     """`make fuzz` draws others."""
-    report = run.run(tmp_path.resolve() / "fuzz", cases=cases, seed=1)
-    assert not report.findings, "\n".join(report.findings)
-    assert sum(report.outcomes.values()) == cases
-    outcomes = {outcome for _, outcome in report.outcomes}
-    assert {"accepted", "refused", "computed"} <= outcomes
+    outcomes, findings = run.run(tmp_path.resolve(), cases=cases, seed=1)
+    assert not findings, "\n".join(findings)
+    assert sum(outcomes.values()) == cases
+    assert min(outcomes["accepted"], outcomes["refused"]) > cases / 10

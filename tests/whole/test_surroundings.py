@@ -114,4 +114,4 @@ def test_commands_need_nothing_of_posix(tmp_path):
         check=False,
     )
     assert (done.returncode, done.stderr) == (0, "")
-    assert (tmp_path / "report.html").stat().st_size > 100_000
+    assert (tmp_path / "report.html").stat().st_size > 10_000

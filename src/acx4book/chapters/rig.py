@@ -18,7 +18,6 @@ from acx4book.typesetting import matrix, style
 from acx4book.typesetting.myst import LABELS
 from acx4book.typesetting.plain_text import Markup
 from acx4files.flight.reader import Flight
-from acx4files.opening import text_of
 from acx4files.results.table_files import RELATIVE
 from acx4lib.attempts import Failed, attempt
 from acx4lib.calibration import rig
@@ -404,7 +403,7 @@ def _true_heads(flight: Flight, cameras: Sequence[Camera]) -> tuple[Camera, ...]
     path = truth_path(flight.pictures.resolve())
     if not path.is_file():
         return ()
-    truth = json.loads(text_of(path))["cameras"]
+    truth = json.loads(path.read_text("utf-8-sig"))["cameras"]
     return tuple(true_head(camera, truth[camera.name]) for camera in cameras)
 
 

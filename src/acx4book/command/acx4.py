@@ -135,14 +135,17 @@ def check(flight: terminal.Flight) -> None:
     from acx4files.conventions import notes  # noqa: PLC0415 quick help
     from acx4files.flight.reader import read  # noqa: PLC0415 quick help
     from acx4files.flight.summary import summary  # noqa: PLC0415 quick help
-    from acx4files.images.image_files import is_cut_off  # noqa: PLC0415 quick help
     from acx4lib.errors import FlightError  # noqa: PLC0415 quick help
 
     flown = read(flight)
-    files = (path for paths in flown.image_files.values() for path in paths if path is not None)
-    if truncated := [path for path in files if is_cut_off(path)]:
+    files = [path for paths in flown.image_files.values() for path in paths if path is not None]
+    if files:
+        from acx4files.images.image_files import is_cut_off  # noqa: PLC0415 slow to import
+
+        files = [path for path in files if is_cut_off(path)]
+    if files:
         says = "is cut off, its pixels have no end; copy it again"
-        raise FlightError([f"{path}: {says}" for path in truncated])
+        raise FlightError([f"{path}: {says}" for path in files])
     terminal.show(summary(replace(flown, notes=(*flown.notes, *notes(flown)))))
 
 
@@ -154,11 +157,10 @@ app.command(help=planning.SIMULATE_HELP)(planning.simulate)
 
 
 @app.command(
-    help="""Write the calibration report of a run.
+    help="""Write the calibration report of a run: one page of HTML, and a PDF/A.
 
-It is one HTML file, with --pdf a PDF/A as well, made from the results folder alone. Its first page
-is a certificate, with what the table [certificate] of flight.toml states. A file .json beside it
-has the same values for machines.
+It is made from the results folder alone, and begins as a certificate, with what the table
+[certificate] of flight.toml states. A file .json beside it has the same values for machines.
 
 \b
 Examples:
@@ -179,13 +181,10 @@ def report(
     from acx4files.results import folder  # noqa: PLC0415 quick help
 
     path = out or folder.of_run(results) / "report.html"
-    if pdf:
-        page.check_pdf(path)
-    with terminal.stage_bars() as tell:
-        page.write(results, path, on_part=lambda *parts: tell("report", *parts))
+    page.write(results, path, pdf=pdf)
     terminal.show(path)
     if pdf:
-        terminal.show(page.write_pdf(path))
+        terminal.show(path.with_suffix(".pdf"))
 
 
 app.command(help=results.BOOK_HELP)(results.book)

@@ -62,7 +62,6 @@ def plan(
     """Predict what a flight will determine."""
     from acx4book.planning import design, tables  # noqa: PLC0415 quick help
     from acx4book.planning import plan as plans  # noqa: PLC0415 quick help
-    from acx4files.opening import text_of  # noqa: PLC0415 quick help
 
     if out is not None:
         terminal.need_book("plan --out")
@@ -70,7 +69,7 @@ def plan(
     predicted = design.of(planned, winds=design.usual_winds(planned))
     terminal.show("\n".join(tables.lines(predicted)))
     if out is not None:
-        _write(predicted, text_of(file), out)
+        _write(predicted, file.read_text("utf-8-sig"), out)
     if tables.sentences(predicted):
         raise typer.Exit(NOT_DETERMINED)
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from acx4book.command import terminal
+from acx4lib.errors import AdjustmentError
 
 if TYPE_CHECKING:
     from acx4book.command.runs import Job, Outcome, Settings
@@ -112,21 +113,35 @@ def _run_one(flight: Path, results: Path, settings: Settings) -> None:
     if numbers_only:
         processors.keep_memory()
     with terminal.stage_bars("stages" if numbers_only else "cells") as tell:
-        report = runner.run(
-            flight,
-            results,
-            notebooks=settings.notebooks,
-            stages=settings.stages,
-            calibration=settings.calibration or "",
-            tell=tell,
-        )
+        try:
+            report = runner.run(
+                flight,
+                results,
+                notebooks=settings.notebooks,
+                stages=settings.stages,
+                calibration=settings.calibration or "",
+                tell=tell,
+            )
+        except AdjustmentError as error:
+            error.args = ("; ".join([str(error), *_explained(flight)]),)
+            raise
     terminal.say_if_not_kept()
     for line in [*report.skipped, *report.left_out, *report.notes]:
         terminal.show(line)
     terminal.show(f"results in {results}")
     if report.not_determined:
-        terminal.say(*report.not_determined)
+        terminal.say(*report.not_determined, *_explained(flight))
         raise typer.Exit(1)
+
+
+def _explained(flight: Path) -> list[str]:
+    """Return the reading of each block that fits it much better than the one it was run with."""
+    from acx4files import conventions  # noqa: PLC0415 quick help
+    from acx4files.flight import reader  # noqa: PLC0415 quick help
+
+    read = reader.read(flight)
+    found = {name: conventions.best_reading(read, name) for name in read.blocks}
+    return [f"block {name}: {reading.sentence}" for name, reading in found.items() if reading]
 
 
 def _settings(

@@ -5,27 +5,27 @@ Equal flights, software and settings leave equal bytes, wherever they run.
 
 from __future__ import annotations
 
-import csv
 import importlib
-import io
 import json
 import os
 import re
 import signal
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
+import pandas as pd
+
+from acx4book.command import terminal
 from acx4book.notebooks import runner
 from acx4files.flight import reader
 from acx4files.flight.reader import Flight
 from acx4files.flight.tables import name_fault
-from acx4files.opening import text_of
 from acx4files.results import earlier, folder, own_folder, provenance, whole_files
 from acx4files.results.table_files import NOTEBOOKS, PART_OF
 from acx4files.stages import order
@@ -87,9 +87,10 @@ class Outcome:
 
 def of_flights(flights: Sequence[Path], folder: Path, settings: Settings) -> list[Job]:
     """Return a job for each flight, called as the flight's folder; ValueError for equal names."""
-    paths, top = [absolute(flight) for flight in flights], absolute(folder)
+    top = absolute(folder)
     return _named(
-        [Job(name=p.name, flight=p, results=top / p.name, settings=settings) for p in paths]
+        Job(name=path.name, flight=path, results=top / path.name, settings=settings)
+        for path in map(absolute, flights)
     )
 
 
@@ -97,22 +98,30 @@ def of_seeds(
     designs: Sequence[str], seeds: Sequence[int], folder: Path, settings: Settings
 ) -> list[Job]:
     """Return a job for every seed of every design or plan, ``single-head-1`` and so on."""
-    top, jobs = absolute(folder), []
-    for design, seed in product(dict.fromkeys(designs), seeds):
-        name = f"{Path(design).stem}-{seed}"
-        own = {"flight": top / SIMULATED / name, "results": top / name}
-        jobs.append(Job(name=name, settings=settings, design=design, seed=seed, **own))
-    return _named(jobs)
+    top = absolute(folder)
+    flown = [(f"{Path(d).stem}-{seed}", d, seed) for d in dict.fromkeys(designs) for seed in seeds]
+    return _named(
+        Job(
+            name=name,
+            flight=top / SIMULATED / name,
+            results=top / name,
+            settings=settings,
+            design=design,
+            seed=seed,
+        )
+        for name, design, seed in flown
+    )
 
 
-def _named(jobs: list[Job]) -> list[Job]:
-    often = Counter([TABLE, SIMULATED, "", *(job.name for job in jobs)])
-    for job in jobs:
+def _named(jobs: Iterable[Job]) -> list[Job]:
+    listed = list(jobs)
+    often = Counter([TABLE, SIMULATED, "", *(job.name for job in listed)])
+    for job in listed:
         if often[job.name] > 1 or job.name.startswith(".") or name_fault(job.name):
             where = job.design or job.flight
             msg = f"{where}: {job.name!r} cannot be the one name of a flight's results; rename it"
             raise ValueError(msg)
-    return jobs
+    return listed
 
 
 def seeds_of(text: str) -> list[int]:
@@ -192,27 +201,25 @@ def is_whole(flight: Flight, results: Path, settings: Settings) -> bool:
 
 
 def _run(job: Job) -> Outcome:
-    """Run a flight, and return its outcome; no error of the flight is raised."""
-    kept, given, status = False, job.settings, 0
+    """Run a flight, and return its outcome; no error of the flight is raised, others go on."""
+    kept, given = False, job.settings
     try:
         if job.design:
             _simulate(job)
         if kept := is_whole(reader.read(job.flight), job.results, given):
             lines = list(runner.wrong(job.results, given.stages))
         else:
-            notebooks, old = given.notebooks, given.calibration or ""
             ended = runner.run(
-                job.flight, job.results, notebooks=notebooks, stages=given.stages, calibration=old
+                job.flight,
+                job.results,
+                notebooks=given.notebooks,
+                stages=given.stages,
+                calibration=given.calibration or "",
             )
             lines = list(ended.not_determined)
         status = int(bool(lines))
-    except Acx4Error as error:  # other flights go on
-        status = 2 if isinstance(error, FlightError | OutputError) else 1
-        lines = [*getattr(error, "__notes__", ()), *str(error).splitlines()]
-    except OSError as error:
-        status, lines = 2, [f"{error.filename}: {error.strerror}" if error.filename else str(error)]
-    except Exception as error:  # as above
-        status, lines = 1, [f"this is a mistake in acx4: {type(error).__name__}: {error}"]
+    except Exception as error:  # each has its line
+        lines, status = terminal.said_of(error, ["run", str(job.flight)])
     line = lines[0] + f" (and {len(lines) - 1} more)" * (len(lines) > 1) if lines else ""
     for place in (job.flight, job.results):
         line = line.replace(f"{place}/", "")
@@ -227,14 +234,14 @@ def _simulate(job: Job) -> None:
     from acx4book.notebooks import simulated  # noqa: PLC0415 most flights are not simulated
     from acx4sim.files import write  # noqa: PLC0415 as above
 
-    plan = text_of(Path(job.design)) if simulated.is_plan(job.design) else ""
+    plan = Path(job.design).read_text("utf-8-sig") if simulated.is_plan(job.design) else ""
     beside = f"{job.flight.name}.plan.toml"
     if not job.flight.exists():
         with own_folder.placed(job.flight) as draft:
             write(simulated.fly(job.design, seed=job.seed), draft)
             if plan:
                 whole_files.write(draft.with_name(beside), plan)
-    elif plan and text_of(job.flight.with_name(beside)) != plan:
+    elif plan and job.flight.with_name(beside).read_text("utf-8-sig") != plan:
         says = f"was flown by another plan than {job.design} is now; choose another folder"
         raise OutputError(f"{job.flight}: {says} for the results, or remove this one")
 
@@ -246,17 +253,19 @@ def _row(results: Path) -> dict[str, str]:
     if "mounting" in stages:
         entry = summary.get(f"mounting/{METHOD}", {})
         row |= {name: json.dumps(entry[name]) for name in _ADJUSTMENT if name in entry}
-        for line in csv.DictReader(io.StringIO(text_of(results / "parameters.csv"), newline="")):
-            if (line["stage"], line["method"]) == ("mounting", METHOD):
-                row |= {"camera": line["camera"]} if line["camera"] else {}
-                row[line["parameter"]] = line["value"]
-                row[f"sigma_{line['parameter']}"] = line["sigma"]
+        table = pd.read_csv(results / "parameters.csv", dtype=str, keep_default_na=False)
+        mine = table[(table["stage"] == "mounting") & (table["method"] == METHOD)]
+        for camera, name, value, sigma in mine[
+            ["camera", "parameter", "value", "sigma"]
+        ].to_numpy():
+            row |= {"camera": camera} if camera else {}
+            row |= {name: value, f"sigma_{name}": sigma}
     if "validation" in stages:
         entry = summary.get(f"validation/{METHOD}") or summary.get("validation/given", {})
         row |= {"n_check_points": json.dumps(entry["n_points"])} if "n_points" in entry else {}
-        points = entry.get("points")
-        for name, unit in _CHECKED.items() if isinstance(points, dict) else ():
-            found = zip(AXES, points[name] or (), strict=False)  # type: ignore[index] # a dict
+        points: Any = entry.get("points") or {}
+        for name, unit in _CHECKED.items():
+            found = zip(AXES, points.get(name) or (), strict=False)
             row |= {f"{name}_{at}{unit}": json.dumps(x) for at, x in found if x is not None}
     return row
 
@@ -297,10 +306,8 @@ def _outcome(call: Future[Outcome]) -> Outcome:
 
 
 def _table(outcomes: Mapping[str, Outcome]) -> str:
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    for name, outcome in outcomes.items():
-        said = {"flight": name, "status": outcome.status, "reason": outcome.reason}
-        writer.writerow({**outcome.row, **said})
-    return text.getvalue()
+    rows = [
+        {"flight": name, "status": one.status, "reason": one.reason, **one.row}
+        for name, one in outcomes.items()
+    ]
+    return pd.DataFrame(rows, columns=list(COLUMNS)).to_csv(index=False, lineterminator="\n")

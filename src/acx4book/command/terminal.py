@@ -54,7 +54,7 @@ Flight = Annotated[Path, argument("FLIGHT", "Folder with flight.toml.")]
 
 
 BOOK = (
-    *("IPython", "PIL", "ipykernel", "jinja2", "markdown_it", "matplotlib", "nbformat"),
+    *("IPython", "PIL", "ipykernel", "jinja2", "matplotlib", "nbformat"),
     *("papermill", "traitlets", "yaml"),
 )
 """Modules of the extra ``book``."""
@@ -214,7 +214,7 @@ def status_of(command: Callable[[], object], arguments: Sequence[str]) -> int:
     except KeyboardInterrupt:
         status = INTERRUPTED
     except Exception as error:  # the last resort: for any error a user gets a sentence
-        lines, status = _said_of(error, arguments)
+        lines, status = said_of(error, arguments)
         say(*lines)
     if status in ENDED:
         say(ENDED[status])
@@ -229,7 +229,7 @@ FORESEEN = (
 """Errors that any command may meet."""
 
 
-def _said_of(error: Exception, arguments: Sequence[str]) -> tuple[list[str], int]:
+def said_of(error: Exception, arguments: Sequence[str]) -> tuple[list[str], int]:
     """Return what is said of an error, and the status."""
     said = " ".join(str(error).split())
     if type(error).__name__ == "LinAlgError":  # of numpy, which most commands need not load

@@ -16,6 +16,7 @@ from functools import partial
 from importlib import resources
 from pathlib import Path
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from acx4files.flight import reader
@@ -25,7 +26,7 @@ from acx4files.results import own_folder, provenance, whole_files
 from acx4files.results.provenance import EXECUTED, FAILED, KEPT
 from acx4files.results.table_files import NOTEBOOKS, PART_OF
 from acx4files.stages import heads, mounting, order, rig, validation
-from acx4lib.errors import Acx4Error, AdjustmentError
+from acx4lib.errors import Acx4Error, AdjustmentError, unsolvable
 
 NOTEBOOKS_PATH = Path(str(resources.files("acx4book.notebooks") / "sources")).resolve()
 """Folder of the notebooks."""
@@ -126,15 +127,17 @@ def run(
     skipped = {stage: reason for stage in wanted if (reason := order.missing(flight, stage))}
     ran = order.ordered(flight, [stage for stage in wanted if stage not in skipped])
     earlier_results = _earlier(calibration, flight) if str(calibration) else None
-    provenance.begin(folder, flight, stages, skipped=skipped, calibration=earlier_results)
     steps = (
         _computed(flight, folder, ran, str(calibration))
         if notebooks is None
         else _executed(notebooks, flight, folder, ("flight", *ran), str(calibration))
     )
-    for stage in {"flight", *wanted} - {*(steps if notebooks else ())}:
-        for kind in (EXECUTED, FAILED):
+    provenance.begin(folder, flight, stages, skipped=skipped, calibration=earlier_results)
+    for kind in (EXECUTED, FAILED):  # those of stages that are not executed now
+        for stage in {"flight", *wanted} - {*(steps if notebooks else ())}:
             (folder / kind / f"{NOTEBOOKS[stage]}.ipynb").unlink(missing_ok=True)
+        with suppress(OSError):  # it holds others, or is not there
+            (folder / kind).rmdir()
     ends = {stage for stage in steps if order.is_end(flight, stage)}
     at_a_time = 1 if notebooks is None else AT_A_TIME
     done, failed = _run_steps(steps, ends, folder, tell, _needs(flight, steps), at_a_time)
@@ -354,5 +357,8 @@ def _compute(
     """Run a stage with linear algebra on one thread, as in a notebook, so that bytes are equal."""
     tell(0, 1)
     with threadpool_limits(1, user_api="blas"):
-        run(flight, folder)
+        try:
+            run(flight, folder)
+        except np.linalg.LinAlgError as error:
+            raise unsolvable(str(error), "the equations of the flight") from error
     tell(1, 1)

@@ -33,10 +33,11 @@ from acx4book.notebooks import execute, runner
 from acx4book.pages import frames, release, reproducibility, study
 from acx4book.pages.benchmarks import sigma, speed, verdicts
 from acx4book.paper import printed, questions, scorecard
-from acx4book.report import findings, material, page
+from acx4book.report import findings, material, page, verdict
 from acx4book.report.material import Material
 from acx4book.teaching import solutions
 from acx4book.typesetting.myst import myst_table, numbered
+from acx4book.typesetting.plain_text import shown
 from acx4book.typesetting.svg import vector
 from acx4files.flight.reader import Flight
 from acx4files.results import folder as results
@@ -436,6 +437,7 @@ def _texts_of_benchmarks(errors: sigma.Errors) -> Iterator[tuple[str, str]]:
     yield "coverage-bias.md", sigma.bias_page(stored("coverage", "bias"))
     yield "coverage-slow.md", verdicts.slow_errors(stored("slow_errors"))
     yield "coverage-validated.md", verdicts.validated(stored("slow_validations"))
+    yield "coverage-held.md", verdicts.held(stored("held_values"))
     reports = verdicts.read(BENCHMARKS)
     yield "coverage-good.md", verdicts.good(reports)
     yield "coverage-spoilt.md", verdicts.spoilt(reports)
@@ -472,14 +474,18 @@ def certificate_page(run: Material, report: str) -> str:
         Address of the report beside the page; the same as JSON has the ending .json.
     """
     answers = findings.findings(run)
+    told = verdict.statement(answers)
+    columns = {"question": "Question", "result": "Result", "p": "p joint", "answer": "Answer"}
+    table = pd.DataFrame([*verdict.rows(answers)])[[*columns]].rename(columns=columns)
     json = f"{report.removesuffix('.html')}.json"
     return "\n\n".join(
         [
             "*Can this calibration be used?*",
-            findings.statement(answers),
+            f"**{told['title']}.**",
+            *(shown(sentence) for sentence in told["sentences"]),
             f'<a href="{report}">Open the report</a>, one file to print and to keep. Beside it '
             f'lies the same as <a href="{json}">JSON</a>.',
-            myst_table(findings.verdict_table(answers), "Findings", name="tab-findings"),
+            myst_table(table, "Findings", name="tab-findings"),
             "",
         ]
     )

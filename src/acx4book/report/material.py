@@ -8,17 +8,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from acx4files.results import folder as results
 from acx4files.results.provenance import KEPT, Run, read_run
-from acx4lib.block import Block
-from acx4lib.calibration.estimates import METHODS, RIGS
+from acx4lib.calibration.estimates import METHODS
 from acx4lib.errors import FlightError
-
-BLOCK = {"heads": "heads", "mounting": "calibration", "validation": "validation"}
-"""The block with the observations of a stage."""
 
 
 class Material(Run):
@@ -56,6 +51,16 @@ class Material(Run):
         return tuple(
             n for n in self.adjustments if n == self.certified or n.startswith("heads/bundle")
         )
+
+    def entry(self, name: str) -> Mapping[str, Any]:
+        """Return what summary.json says of a ``stage/method``; empty where it says nothing."""
+        return self.found.summary.get(name, {})
+
+    @property
+    def methods(self) -> list[str]:
+        """Names of the methods whose parameters are certified: the calibration, and all heads."""
+        heads = ["heads/bundle"] if results.has(self.found, "heads/bundle") else []
+        return [name for name in (self.calibration, *heads) if name]
 
     @cached_property
     def residuals(self) -> Mapping[str, pd.DataFrame]:
@@ -126,82 +131,15 @@ def checked_points(material: Material) -> pd.DataFrame:
     return rows[rows["stage"] + "/" + rows["method"] == validated(material)]
 
 
-def block_of(material: Material, stage_method: str) -> Block:
-    """Return the block of an adjustment, with points transferred to synthetic images if adjusted.
-
-    Raises
-    ------
-    FlightError
-        Where the kept flight does not have it.
-    """
-    stage, method = stage_method.split("/", 2)[:2]
-    name = "heads" if (stage, method) == ("mounting", "rig") else BLOCK[stage]
-    if name not in material.flight.blocks:
-        raise FlightError([f"{material.folder}: {stage_method} without block {name}; run again"])
-    if method in RIGS or name not in material.flight.transferred:
-        return material.flight.blocks[name]
-    from acx4files.results.adjustments import mounted_block  # noqa: PLC0415 few reports need what adjusts
-
-    return mounted_block(material.flight, name, material.found)
-
-
 def _of_camera(material: Material, adjustment: str, rows: pd.DataFrame) -> pd.DataFrame:
     """Select an adjustment's rows from its method's rows: all, or one head's."""
     camera = adjustment.split("/")[2:]
     if not camera:
         return rows
-    block = block_of(material, adjustment)
+    block = material.flight.block("heads")
     names = [c.name for c in block.cameras]
     idx = block.images.camera_idx
     camera_of = {image: names[k] for image, k in zip(block.images.names, idx, strict=True)}
     # the image points of a head come first; its control points, without an image, follow
     of_camera = rows["image_or_exposure"].map(camera_of).ffill() == camera[0]
     return rows[of_camera].reset_index(drop=True)
-
-
-def image_residuals(material: Material, adjustment: str) -> pd.DataFrame:
-    """Return one row per measured image point of a decisive adjustment, with its position.
-
-    Returns
-    -------
-    DataFrame
-        camera, strip, image, point, col_px, row_px (measured), sigma (px), and for columns and rows
-        v_col, v_row (px), redundancy_col, redundancy_row, w_col, w_row.
-
-    Raises
-    ------
-    FlightError
-        Where the residuals and the kept flight do not belong together.
-    """
-    rows = material.residuals[adjustment]
-    rows = rows[rows["kind"] == "image_point"]
-    keys, columns = ["image_or_exposure", "point"], ["v", "sigma", "redundancy", "w"]
-    col, row = (
-        rows.loc[rows["component"] == component, [*keys, *columns]]
-        for component in ("col_px", "row_px")
-    )
-    residuals = col.merge(row, on=keys, suffixes=("_col", "_row")).drop(columns="sigma_row")
-    residuals = residuals.rename(columns={"image_or_exposure": "image", "sigma_col": "sigma"})
-    measured = _measured(block_of(material, adjustment))
-    joined = measured.merge(residuals, on=["image", "point"], how="inner")
-    if 2 * len(joined) != len(rows) or joined.empty:
-        mismatch = f"{len(rows)} rows of {adjustment} are not of the points in {KEPT}"
-        problem = f"{material.folder / 'residuals.csv'}:1: point: {mismatch}; run all stages again"
-        raise FlightError([problem])
-    return joined
-
-
-def _measured(block: Block) -> pd.DataFrame:
-    points, images = block.image_points, block.images
-    cameras = np.array([camera.name for camera in block.cameras], dtype=object)
-    i = points.image_idx
-    return pd.DataFrame(
-        {
-            "camera": cameras[images.camera_idx[i]],
-            "strip": np.array(images.strips, dtype=object)[i],
-            "image": np.array(images.names, dtype=object)[i],
-            "point": np.array(block.points, dtype=object)[points.point_idx],
-            "col_px": points.colrow[:, 0],
-            "row_px": points.colrow[:, 1],
-        }
-    )

@@ -1,57 +1,43 @@
-"""The report for machines: the same values as JSON, with units in the names of the keys."""
+"""The report of a run: its record as JSON, a page of HTML, and the same page as a PDF/A."""
 
 from __future__ import annotations
 
-import base64
 import errno
-import html
 import json
 import re
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from functools import cache
-from importlib import resources
+from dataclasses import asdict
+from importlib import import_module, resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
-from threadpoolctl import threadpool_limits
+from jinja2 import Environment
 
-from acx4book.report import (
-    adjustment,
-    findings,
-    ground,
-    identity,
-    markdown,
-    mounting,
-    parameters,
-    typeset,
-)
-from acx4book.report.adjustment import decisive_qualities
-from acx4book.report.findings import NOT_EXAMINED, Finding
-from acx4book.report.markdown import Document, Text, number_labels, table_labels, to_html
-from acx4book.report.material import Material, checked_points, image_residuals, read, validated
-from acx4book.report.parameters import Lens, balanced, corners, correlations, lenses, profile
-from acx4book.typesetting import maps, matrix
-from acx4book.typesetting.plain_text import shown
-from acx4book.typesetting.svg import vector
-from acx4files.opening import text_of
+from acx4book.report.findings import findings
+from acx4book.report.groups import qualities
+from acx4book.report.material import Material, checked_points, read, validated
+from acx4book.report.verdict import NOT_EXAMINED, Finding, rows, statement
+from acx4book.report.words import adjustment_title, begun, listed, parameter_title, with_unit
+from acx4book.typesetting.myst import numbers, p_value, value_and_sigma
+from acx4files.flight.settings import Device
 from acx4files.results import folder, whole_files
 from acx4files.results.own_folder import check_file
-from acx4lib.block import Block
-from acx4lib.errors import OutputError
-from acx4lib.geometry.camera import INTERIOR, Camera, xy_from_colrow
-from acx4lib.geometry.parameters import LEVER_ARM, REPORTED
+from acx4lib.errors import Acx4Error, OutputError, visible
+from acx4lib.geometry.camera import INTERIOR, Camera
+from acx4lib.geometry.parameters import AXES, REPORTED
 from acx4lib.least_squares.verdict import FAILS, LEVEL
 
-FORMAT = 1
-"""Version of the file format; raised when a key is removed or changes its meaning."""
+FORMAT = 2
+"""Version of the record; raised when a key is removed or changes its meaning."""
 
-MARK = b'"made_by": "acx4 report"'
-"""Mark of a report as JSON, which a newer report may replace."""
+MARKS = {
+    ".html": b'<meta name="generator" content="acx4',
+    ".json": b'"made_by": "acx4 report"',
+    ".pdf": b"/Title(Calibration report)",
+}
+"""Marks of reports, which a newer report may replace; of a PDF the first of its bookmarks."""
 
 TESTS = (
     *("n_observations", "n_unknowns", "redundancy", "sigma0_squared", "chi_square_p"),
@@ -59,16 +45,123 @@ TESTS = (
 )
 """Entries of summary.json repeated for every adjustment."""
 
+HERE = resources.files("acx4book.report")
 
-def text(material: Material, found: Sequence[Finding]) -> str:
-    """Return the report as JSON; an unknown number is null."""
-    return json.dumps(_plain(record(material, found)), indent=1, ensure_ascii=False) + "\n"
+STANDARDS = ["a-2a", "ua-1"]
+"""Archival and accessible: PDF/A-2 with tags, PDF/UA-1."""
+
+
+class TypesetError(Acx4Error):
+    """A report was not typeset."""
+
+
+def write(results: str | Path, out: str | Path, *, pdf: bool = False) -> None:
+    """Write the calibration report of a run as an HTML file, with its record as JSON beside it.
+
+    Parameters
+    ----------
+    results : path
+        Results of a run.
+    out : path
+        The page; an existing report is replaced, any other existing file is not. The other files
+        have the endings .json and .pdf.
+    pdf : bool
+        Whether to write it as PDF/A, too.
+
+    Raises
+    ------
+    FlightError
+        Where the results are missing, not complete, or do not belong together.
+    OutputError
+        Where a file must not be replaced by a report, or there is no space for it.
+    TypesetError
+        Where the package typst is missing, or does not typeset the report.
+    OSError
+        Where a file cannot be written otherwise.
+    """
+    out = Path(out)
+    if not out.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "no such folder", str(out.parent))
+    if out.suffix in (".json", ".pdf"):
+        msg = f"{out}: name the page, such as {out.with_suffix('.html').name}"
+        raise OutputError(f"{msg}; JSON and PDF stand beside it")
+    places = {kind: out.with_suffix(kind) for kind in MARKS if pdf or kind != ".pdf"}
+    places[".html"] = out
+    for kind, place in places.items():
+        check_file(place, mark=MARKS[kind], what="a report of acx4")
+    material = read(results)
+    found = findings(material)
+    shown = texts(material, found)
+    written: dict[str, str | bytes] = {
+        ".json": json.dumps(record(material, found), indent=1, ensure_ascii=False) + "\n",
+        ".html": _template().render(shown),
+        **({".pdf": _typeset(shown)} if pdf else {}),
+    }
+    whole_files.write_all({places[kind]: content for kind, content in written.items()})
+
+
+def _template() -> Any:
+    jinja = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    return jinja.from_string((HERE / "report.html").read_text("utf-8"))
+
+
+def _typeset(shown: Mapping[str, Any]) -> bytes:
+    """Return the PDF/A of the texts of a page, the same bytes every time."""
+    try:
+        typst: Any = import_module("typst")
+    except ImportError as error:
+        what = "a PDF is set by the package typst, which is not here"
+        raise TypesetError(f"{what}: pip install 'acx4lib[pdf]'") from error
+    from matplotlib import get_data_path  # noqa: PLC0415 has the fonts, and few reports need them
+
+    files = {
+        "main.typ": (HERE / "report.typ").read_bytes(),
+        "report.json": json.dumps(_changed(shown, _with_glyphs)).encode(),
+    }
+    try:
+        return bytes(
+            typst.compile(
+                files,
+                format="pdf",
+                font_paths=[str(Path(get_data_path(), "fonts", "ttf"))],
+                ignore_system_fonts=True,
+                pdf_standards=STANDARDS,
+            )
+        )
+    except typst.TypstError as error:
+        msg = f"the report was not typeset: {error.message.splitlines()[0]}"
+        raise TypesetError(msg) from error
+
+
+def _changed(value: Any, change: Callable[[Any], Any]) -> Any:
+    """Return nested mappings and lists with every value changed."""
+    if isinstance(value, Mapping):
+        return {key: _changed(part, change) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_changed(part, change) for part in value]
+    return change(value)
+
+
+def _with_glyphs(value: Any) -> Any:
+    """Escape characters that the fonts do not have, and let long words break anywhere."""
+    from acx4book.typesetting.style import shapes  # noqa: PLC0415 loads matplotlib
+
+    if not isinstance(value, str):
+        return value
+    drawn = "".join(c if ord(c) in shapes() else ascii(c)[1:-1] for c in value)
+    return re.sub(r"\S{24,}", lambda word: re.sub("(.{8})", "\\1\u200b", word[0]), drawn)
+
+
+# --- the record ------------------------------------------------------------------------------
 
 
 def record(material: Material, found: Sequence[Finding]) -> dict[str, Any]:
-    """Return the content of the report; book/results.md explains the keys."""
-    flight, summary = material.flight, material.found.summary
-    return {
+    """Return the content of the report for JSON; book/results.md explains the keys.
+
+    An unknown number is None.
+    """
+    flight = material.flight
+    whole = {
         "made_by": "acx4 report",
         "format": FORMAT,
         "results_of": material.date.isoformat(),
@@ -83,37 +176,36 @@ def record(material: Material, found: Sequence[Finding]) -> dict[str, Any]:
         "software": {n: dict(s["versions"]) for n, s in material.provenance.stages.items()},  # type: ignore[call-overload] # read from JSON
         "certificate": _stated(asdict(flight.certificate)),
         "statement": {
-            "holds": not any(f.state == FAILS for f in found),
+            **statement(found),
             "level": LEVEL,
             "procedure": "Holm",
             "findings": [_finding(f) for f in found],
             "not_examined": NOT_EXAMINED,
         },
         "calibration": material.calibration or None,
-        "methods": {name: _method(material, name) for name in _methods(material)},
+        "methods": {name: _method(material, name) for name in material.methods},
         "adjustments": {
-            name: {key: summary[name].get(key) for key in TESTS} for name in material.adjustments
+            name: {key: material.entry(name).get(key) for key in TESTS}
+            for name in material.adjustments
         },
-        "groups": [asdict(quality) for quality in decisive_qualities(material)],
-        "check_points": _checked(summary.get(validated(material), {})),
-        "error_budget": ground.recorded(ground.mapped(material)),
+        "groups": [asdict(quality) for quality in qualities(material)],
+        "check_points": _checked(material.entry(validated(material))),
     }
+    plain: dict[str, Any] = _changed(whole, _plain)
+    return plain
 
 
 def _finding(finding: Finding) -> dict[str, Any]:
     """Return a finding with its tests; p is the smallest, by itself and among all tests."""
     return {
-        "question": finding.question,
-        "state": finding.state,
-        "p": finding.p,
-        "p_joint": finding.p_joint,
+        **{key: getattr(finding, key) for key in ("question", "state", "p", "p_joint", "answer")},
         "tests": [
             {
-                **{key: getattr(t, key) for key in ("name", "p", "p_joint", "state")},
-                **{key: getattr(t, key) for key in ("size", "limit", "unit")},
-                "fails": t.state == FAILS,
+                **{key: getattr(test, key) for key in ("name", "p", "p_joint", "state")},
+                **{key: getattr(test, key) for key in ("size", "limit", "unit")},
+                "fails": test.state == FAILS,
             }
-            for t in finding.tests
+            for test in finding.tests
         ],
     }
 
@@ -124,55 +216,31 @@ def _stated(value: dict[str, Any]) -> dict[str, Any]:
     return {key: entry for key, entry in inner.items() if entry}
 
 
-def _methods(material: Material) -> list[str]:
-    heads = ["heads/bundle"] if folder.has(material.found, "heads/bundle") else []
-    return [name for name in (material.calibration, *heads) if name]
-
-
 def _method(material: Material, name: str) -> dict[str, Any]:
-    cov, rho = folder.covariance(material.found, name), correlations(material, name)
+    cov = folder.covariance(material.found, name)
     return {
         "cameras": {
-            lens.camera.name: {**_camera(lens), "parameters": _parameters(material, name, lens)}
-            for lens in lenses(material, name)
+            camera: _camera(
+                material.flight.cameras[camera], folder.parameters(material.found, name, camera)
+            )
+            for camera in folder.cameras(material.found, name)
         },
         "parameters": list(cov.index),
-        "covariance_matrix": cov.to_numpy(),
-        "correlation_matrix": rho.to_numpy(),
+        "covariance_matrix": cov.to_numpy().tolist(),
     }
 
 
-def _camera(lens: Lens) -> dict[str, Any]:
-    camera, balance = lens.camera, balanced(lens)
-    keys = ("col_px", "row_px", "x_mm", "y_mm")
-    places = np.hstack([corners(camera), xy_from_colrow(camera, corners(camera))])
+def _camera(camera: Camera, rows: pd.DataFrame) -> dict[str, Any]:
+    columns = rows.rename(columns={"sigma": "standard_deviation"})
     return {
         "width_px": camera.width_px,
         "height_px": camera.height_px,
         "pixel_um": 1000 * camera.pixel_mm,
-        "corners": pd.DataFrame(places, columns=keys),
-        "interior": {REPORTED[key][0]: getattr(lens.interior, key) for key in INTERIOR},
-        "balanced_f_mm": {"value": balance.f, "standard_deviation": balance.sigma},
-        "distortion": profile(lens),
-        "lever_surveyed_m": _surveyed(camera),
-    }
-
-
-def _surveyed(camera: Camera) -> dict[str, Any]:
-    """Return the surveyed components of the lever arm by their names."""
-    components = zip(LEVER_ARM, camera.prior.lever_declared, camera.T_b_c.r, strict=True)
-    return {REPORTED[key][0]: float(value) for key, declared, value in components if declared}
-
-
-def _parameters(material: Material, name: str, lens: Lens) -> dict[str, Any]:
-    rows = folder.parameters(material.found, name, lens.camera.name)
-    return {
-        str(label): {
-            "value": row["value"],
-            "standard_deviation": row["sigma"],
-            "unit": row["unit"],
-        }
-        for label, row in rows.iterrows()
+        "interior": {
+            REPORTED[key][0]: rows["value"].get(REPORTED[key][0], getattr(camera.interior, key))
+            for key in INTERIOR
+        },
+        "parameters": columns[["value", "standard_deviation", "unit"]].to_dict("index"),
     }
 
 
@@ -188,294 +256,224 @@ def _checked(entry: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def _plain(value: Any) -> Any:
-    """Convert a value to types of JSON; non-finite numbers become None."""
-    if isinstance(value, dict):
-        return {str(key): _plain(part) for key, part in value.items()}
-    if isinstance(value, pd.DataFrame):
-        return _plain(value.to_dict("records"))
-    if isinstance(value, np.ndarray | list | tuple):
-        return [_plain(part) for part in value]
+    """Convert a value to a type of JSON; a non-finite number becomes None."""
     if isinstance(value, np.generic):
-        return _plain(value.item())
+        value = value.item()
     if isinstance(value, float):
         return value if np.isfinite(value) else None
     return value if isinstance(value, int | str | None) else str(value)  # a date
 
 
-# --- The report as files: one page of HTML without external files, JSON, and a PDF/A
+# --- the texts of the page, which both templates show ----------------------------------------
 
 
-PAGE_MARK = b'<meta name="generator" content="acx4'
-"""Mark of a report as HTML, which a newer report may replace."""
+def texts(material: Material, found: Sequence[Finding]) -> dict[str, Any]:
+    """Return the texts of the page, by the names in the templates.
 
-PDF_MARK = b"/Title(Calibration report)"
-"""Mark of a PDF of a report: its heading among the bookmarks, with which the file begins."""
-
-STYLE = resources.files("acx4book.report") / "report.css"
-
-PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="generator" content="acx4 report">
-<meta name="dcterms.date" content="{day}">
-<title>{title}</title>
-<style>
-{style}</style>
-</head>
-<body>
-<header>
-<p class="kind">In-flight camera calibration</p>
-{heading}
-<p class="name">{name}</p>
-<p class="date">{date}</p>
-</header>
-<main>
-<section class="certificate">
-{certificate}
-<table class="signatures">
-<tr><td>Prepared by</td><td>Checked by</td><td>Place and date, signature</td></tr>
-</table>
-</section>
-{body}
-</main>
-</body>
-</html>
-"""
-
-
-def write(
-    folder: str | Path,
-    out: str | Path,
-    *,
-    on_part: Callable[[int, int], None] = lambda _done, _total: None,
-) -> None:
-    """Write the calibration report of a run as an HTML file, with a JSON file beside it.
-
-    Both are written completely or not at all.
-
-    Parameters
-    ----------
-    folder : path
-        Results of a run.
-    out : path
-        The page; an existing report is replaced, any other existing file is not. The other file has
-        the ending .json.
-    on_part : callable
-        Called with the number of finished parts, and of all parts.
-
-    Raises
-    ------
-    FlightError
-        Where the results are missing, not complete, or do not belong together.
-    OutputError
-        Where the file must not be replaced by a report, or there is no space for it.
-    OSError
-        Where the file cannot be written otherwise.
+    Characters that are no text, such as control characters, are escaped as in Python.
     """
-    out = Path(out)
-    _check_places(out)
-    run = read(folder)
-    answers = findings.findings(run)
-    shown = parts(TEXT.read_text(encoding="utf-8"), computed(run, answers), on_part)
-    texts = _page([*shown], run), text(run, answers)
-    _check_places(out)  # again, as some seconds have passed
-    whole_files.write_all(dict(zip((out, out.with_suffix(".json")), texts, strict=True)))
-
-
-def _page(parts: Sequence[Part], material: Material) -> str:
-    """Return the parts of a report, the heading first, as a page."""
-    document = Document(numbers=number_labels([name for part in parts for name in _labels(part)]))
-    rendered = [_rendered(part, document) for part in parts]
-    heading, _, first = rendered[0].partition("</h1>")
-    sections = [i for i, part in enumerate(rendered) if part.startswith("<h2")]
-    body = sections[1] if len(sections) > 1 else len(rendered)
-    return PAGE.format(
-        title=shown(f"Calibration report: {material.flight.name}", "html"),
-        style=STYLE.read_text(encoding="utf-8"),
-        heading=f"{heading}</h1>",
-        name=shown(material.flight.name, "html"),
-        date=f"{material.date.day} {material.date:%B %Y}",
-        day=f"{material.date:%Y-%m-%d}",
-        certificate="\n".join(rendered[1:body]),
-        body="\n".join([first, *rendered[body:]]),
-    )
-
-
-def _check_places(out: Path) -> None:
-    """Check that the page and its JSON file may be written."""
-    if not out.parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, "no such folder", str(out.parent))
-    if out.suffix in (".json", ".pdf"):
-        msg = f"{out}: name the page, such as {out.with_suffix('.html').name}"
-        raise OutputError(f"{msg}; JSON and PDF stand beside it")
-    check_file(out, mark=PAGE_MARK, what="a report of acx4")
-    check_file(out.with_suffix(".json"), mark=MARK, what="a report of acx4")
-
-
-def check_pdf(out: str | Path) -> None:
-    """Check that the PDF beside the report `out` may be written.
-
-    Raises
-    ------
-    OutputError
-        Where the file must not be replaced.
-    """
-    check_file(Path(out).with_suffix(".pdf"), mark=PDF_MARK, what="a report of acx4")
-
-
-def write_pdf(out: str | Path) -> Path:
-    """Typeset the report `out` as a PDF/A beside it, and return the path of the PDF.
-
-    Raises
-    ------
-    OutputError, TypesetError
-        As `check_pdf`, and where the package typst is missing.
-    """
-    out = Path(out)
-    check_pdf(out)
-    place = out.with_suffix(".pdf")
-    whole_files.write(place, typeset.pdf(text_of(out)))
-    return place
-
-
-def _labels(part: Part) -> list[str]:
-    if isinstance(part.content, Text):
-        return table_labels(part.content.markdown)
-    return [part.name]
-
-
-def _rendered(part: Part, document: Document) -> str:
-    if isinstance(part.content, Text):
-        return to_html(part.content.markdown, document)
-    document.n_figures += 1
-    data = base64.b64encode(vector(part.content).encode()).decode()
-    caption = to_html(part.caption, document).strip()
-    caption = caption.removeprefix("<p>").removesuffix("</p>")
-    return (
-        f'<figure id="{html.escape(part.name)}">\n'
-        f'<img alt="{html.escape(part.alt)}" src="data:image/svg+xml;base64,{data}">\n'
-        f"<figcaption><b>Figure {document.n_figures}.</b> {caption}</figcaption>\n</figure>\n"
-    )
-
-
-# --- The parts of the report in their order: what ``report.md`` says, and what is computed for it
-#
-# In that file a computed part is a directive with its name from here: ``section`` with tables, or
-# ``figure`` with a caption and the alternative text.
-
-
-TEXT = resources.files("acx4book.report") / "report.md"
-
-DIRECTIVE = re.compile(
-    r"^```\{(?:section|figure)\} (?P<name>\w+)\n(?::alt: (?P<alt>[^\n]*)\n)?"
-    r"\s*(?P<caption>.*?)\s*```$",
-    re.MULTILINE | re.DOTALL,
-)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Part:
-    """A part of the report.
-
-    Attributes
-    ----------
-    content : Text or Figure
-    name, caption, alt : str
-        Of a figure: its label, its caption, and words in its place.
-    """
-
-    content: Text | Figure
-    name: str = ""
-    caption: str = ""
-    alt: str = ""
-
-
-def computed(run: Material, found: Sequence[Finding]) -> dict[str, Callable[[], Text | Figure]]:
-    """Return the functions that compute the parts, by their names in the text.
-
-    Parameters
-    ----------
-    run : Material
-    found : sequence of Finding
-        Of this run.
-    """
-    planes = cache(lambda: {**_planes(run, "mounting"), **_planes(run, "heads")})
-    mapped = cache(lambda: ground.mapped(run))
-    return {
-        "certificate": lambda: identity.first_page(run, found),
-        "statement": lambda: findings.section(found),
-        "identity": lambda: identity.identity(run),
-        "method": lambda: identity.method_and_data(run),
-        "blocks": lambda: maps.block_maps(*_used_blocks(run)),
-        "adjustment": lambda: adjustment.section(run),
-        "parameters": lambda: parameters.section(run),
-        "correlations": lambda: matrix.correlation_matrix(parameters.correlation_picture(run)),
-        "image": lambda: parameters.image_figure(run),
-        "distortion": lambda: parameters.image_section(run),
-        "plane": lambda: adjustment.residual_plane(planes(), run.flight.cameras),
-        "strips": lambda: adjustment.residuals_by_strip(planes()),
-        "mounting": lambda: mounting.section(run),
-        "boresight": lambda: mounting.boresight_over_time(mounting.boresights(run)),
-        "check": lambda: ground.check_points(checked_points(run)),
-        "ground": lambda: ground.check_points_section(run),
-        "budget": lambda: ground.section(mapped()),
-        "format": lambda: ground.over_format(mapped()),
+    told = statement(found)
+    whole = {
+        "name": material.flight.name,
+        "date": f"{material.date.day} {material.date:%B %Y}",
+        "day": [material.date.year, material.date.month, material.date.day],
+        "state": told["state"],
+        "title": told["title"],
+        "sentences": [numbers(sentence) for sentence in told["sentences"]],
+        "stated": [*_items(material)],
+        "values": [*_values(material), *_points(material)],
+        "questions": [*rows(found)],
+        "evidence": [_adjustments(material), _groups(material)],
+        "identity": [*_identity(material)],
+        "not_examined": "; ".join(NOT_EXAMINED),
     }
+    escaped: dict[str, Any] = _changed(whole, lambda v: visible(v) if isinstance(v, str) else v)
+    return escaped
 
 
-def _used_blocks(material: Material) -> tuple[Block, ...]:
-    """Return the blocks of the calibration, or else all blocks."""
-    blocks = material.flight.blocks
-    used = [blocks[name] for name in ("heads", "calibration") if name in blocks]
-    return tuple(used or blocks.values())
+def _items(material: Material) -> Iterator[tuple[str, str]]:
+    """Yield what flight.toml states for the certificate, and the formats of the cameras."""
+    flight, stated, session = material.flight, material.flight.certificate, material.flight.session
+    names = [name for m in material.methods for name in folder.cameras(material.found, m)]
+    formats: dict[str, list[str]] = {}
+    for name in dict.fromkeys(names or flight.cameras):
+        camera = flight.cameras[name]
+        if device := stated.cameras.get(name):
+            yield f"Camera {name}", _device(device)
+        size = f"{camera.width_px} × {camera.height_px} pixels of {1000 * camera.pixel_mm:.3g} µm"
+        formats.setdefault(size, []).append(name)
+    yield from ((f"Format of {listed(names)}", size) for size, names in formats.items())
+    celsius, lever = session.temperature_c, ", ".join(f"{m:+.3f}" for m in stated.antenna_lever_m)
+    said = {
+        "Certificate number": stated.number,
+        "Calibrated by": stated.laboratory,
+        "Flown by": stated.operator,
+        "Flown on": str(session.date or ""),
+        "Temperature": f"{celsius:g} °C" if np.isfinite(celsius) else "",
+        "IMU": " no. ".join(filter(None, (stated.imu, stated.imu_serial))),
+        "GNSS antenna": f"{lever} m from the IMU, along the body's x, y, z" if lever else "",
+        "GNSS base, datum": "; ".join(filter(None, (stated.gnss_base, stated.datum_epoch))),
+        "Valid until": str(stated.valid_until or ""),
+        "Simulated": "the measurements were computed" if flight.simulated else "",
+    }
+    yield from ((label, text) for label, text in said.items() if text)
 
 
-def _planes(material: Material, stage: str) -> dict[str, pd.DataFrame]:
-    """Return the image residuals of a stage's decisive adjustments, by their titles."""
-    names = [name for name in material.decisive if name.startswith(f"{stage}/")]
-    return {markdown.heading(name): image_residuals(material, name) for name in names}
+def _device(device: Device) -> str:
+    """Return maker, models and serial numbers in one line."""
+    parts = (
+        ("camera", f"{device.maker} {device.model}".strip(), device.serial),
+        ("lens", device.lens and f"lens {device.lens}", device.lens_serial),
+        ("sensor", device.sensor and f"sensor {device.sensor}", device.sensor_serial),
+    )
+    return "; ".join(
+        f"{model or kind} no. {serial}" if serial else model
+        for kind, model, serial in parts
+        if model or serial
+    )
 
 
-def parts(
-    text: str,
-    by_name: Mapping[str, Callable[[], Text | Figure]],
-    on_part: Callable[[int, int], None],
-) -> Iterator[Part]:
-    """Yield texts and computed parts in the order of the text.
-
-    Parameters
-    ----------
-    text : str
-        Markdown with directives, see above.
-    by_name : mapping
-        As of `computed`.
-    on_part : callable
-        Called with the number of finished parts, and of all that are computed.
-
-    Raises
-    ------
-    KeyError
-        Where the text names a part that nothing computes.
-    Exception
-        Whatever a part raises.
-    """
-    directives, done = [*DIRECTIVE.finditer(text)], 0
-    with threadpool_limits(1, user_api="blas"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # as a page shows none
-        for number, directive in enumerate(directives):
-            on_part(number, len(directives))
-            yield from _text(text[done : directive.start()])
-            name, done = directive["name"], directive.end()
-            labels = {"caption": directive["caption"], "alt": directive["alt"] or ""}
-            yield Part(content=by_name[name](), name=f"fig-report-{name}", **labels)
-        yield from _text(text[done:])
-    on_part(len(directives), len(directives))
+Table = dict[str, Any]
+"""Texts of a table: title, note, head, rows, and pairs below it."""
 
 
-def _text(text: str) -> Iterator[Part]:
-    """Split a text before its headings."""
-    for section in re.split(r"(?m)^(?=## )", text):
-        if section.strip():
-            yield Part(content=Text(section.strip()))
+def _table(
+    title: str, note: str, head: Sequence[str], rows: Sequence[Sequence[str]], **more: Any
+) -> Table:
+    return {"title": title, "note": note, "head": head, "rows": rows, "below": [], **more}
+
+
+VALUES = {"heads/bundle": "The heads", "heads/relative_orientation": "Heads in the synthetic frame"}
+
+
+def _values(material: Material) -> Iterator[Table]:
+    """Yield the tables of calibrated values, a column per camera."""
+    for name in (material.calibration or "mounting/rig", *VALUES):
+        if not folder.has(material.found, name):
+            continue
+        table = folder.rows(material.found, "parameters", name)
+        cameras, cells = [*dict.fromkeys(table["camera"])], dict[str, dict[str, str]]()
+        for row in table.to_dict("records"):
+            title = with_unit(parameter_title(row["parameter"]), row["unit"])
+            text = numbers(value_and_sigma(row["value"], row["sigma"]))
+            cells.setdefault(title, {})[row["camera"]] = text
+        yield _table(
+            VALUES.get(name, "Calibrated values and their standard deviations"),
+            _origin(material, name),
+            ["Parameter", *(camera or "whole flight" for camera in cameras)],
+            [[title, *(own.get(c, "") for c in cameras)] for title, own in cells.items()],
+        )
+
+
+def _origin(material: Material, name: str) -> str:
+    """Return how values were obtained, and what was held."""
+    adjusted = [n for n in material.adjustments if f"{n}/".startswith(f"{name}/")]
+    if not adjusted:
+        return "Mean of the exposures that all heads share; σ from the covariance of the heads."
+    entries = [material.entry(n) for n in adjusted]
+    n = sum(int(entry["n_observations"]) for entry in entries)
+    held = {
+        f"{parameter_title(key)} = {told['value']:g}"
+        for entry in entries
+        for key, told in (entry.get("held") or {}).items()
+        if "/" in key
+    }
+    held |= {part.replace("_", " ") for part in material.flight.fix if not name.startswith("heads")}
+    sigma0 = listed([f"{float(entry['sigma0_squared']) ** 0.5:.3f}" for entry in entries])
+    how = (
+        "Every head by itself, from"
+        if len(entries) > 1
+        else f"{begun(adjustment_title(name))} adjustment of"
+    )
+    said = f"{how} {n:,} observations; σ are multiplied by σ₀ = {sigma0}."
+    return f"{said} Held: {listed(sorted(held))}." if held else said
+
+
+def _points(material: Material) -> Iterator[Table]:
+    """Yield the tables of differences at check points, and of the accuracy classes reached."""
+    entry = material.entry(validated(material))
+    points = entry.get("points")
+    if not isinstance(points, dict) or not entry.get("n_points"):
+        return
+    by_axis = []
+    for k, axis in enumerate(AXES):
+        sigma = checked_points(material)[f"sigma_{axis}_m"].to_numpy(dtype=float)
+        mean = numbers(value_and_sigma(points["mean"][k], points["mean_sigma"][k]))
+        predicted = float(np.sqrt(np.mean(sigma**2)))
+        by_axis.append([axis, mean, f"{points['rms'][k]:.3f}", f"{predicted:.3f}"])
+    yield _table(
+        f"{entry['n_points']} independent check points",
+        "Estimated less surveyed, one difference per point from all its rays.",
+        ["", "Mean (m)", "RMS (m)", "Predicted RMS (m)"],
+        by_axis,
+        below=[*_classes(points.get("classes") or {})],
+    )
+
+
+def _classes(told: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield the accuracy classes that are reached, by standard."""
+    scales = sorted(told.get("pec_pcd", {}).items(), key=lambda of: (len(of[0]), of[0]))
+    if of := {scale: f"{reached['plan']} / {reached['height']}" for scale, reached in scales}:
+        each = "; ".join(f"{scale} {classes}" for scale, classes in of.items())
+        yield "PEC-PCD, plan / height", each if len({*of.values()}) > 1 else min(of.values())
+    if reached := told.get("asprs_2023"):
+        classes = (str(reached[key]) for key in ("horizontal", "vertical", "three_d"))
+        yield "ASPRS 2023, horizontal / vertical / 3D", " / ".join(dict.fromkeys(classes))
+
+
+def _adjustments(material: Material) -> Table:
+    tested = []
+    for name in material.adjustments:
+        entry = material.entry(name)
+        p, expected = entry["chi_square_p"], entry.get("expected_rejections")
+        by_chance = "" if expected is None else f" ({expected:.1f})"
+        tested.append(
+            [
+                begun(adjustment_title(name)),
+                *(f"{entry[key]:,}" for key in ("n_observations", "redundancy")),
+                *(f"{entry['sigma0_squared']:.3f}", "" if p is None else p_value(p)),
+                f"{entry['n_rejected'] or 0:,}{by_chance}",
+            ]
+        )
+    return _table(
+        "The adjustments",
+        "p: two-sided probability of a σ₀² as far from one; in brackets what chance rejects.",
+        ["", "Observations", "Redundancy", "σ₀²", "p", "Rejected"],
+        tested,
+    )
+
+
+def _groups(material: Material) -> Table:
+    groups = [
+        [
+            with_unit(f"{begun(adjustment_title(g.adjustment))}: {g.group}", g.unit),
+            *(f"{g.n:,}", f"{g.sigma:.3g}", f"{g.sigma * g.ratio:.3g}"),
+            *("" if np.isnan(g.p) else p_value(g.p), f"{g.detectable:.3g}", f"{g.weak:,}"),
+        ]
+        for g in qualities(material)
+    ]
+    return _table(
+        "Groups of observations",
+        "σ as stated and by the residuals; the error that is found with 80 % (median); the number "
+        "with a redundancy number below 0.1, in which an error would hardly be seen.",
+        ["", "Number", "σ stated", "σ found", "p", "Detectable", "Weak"],
+        groups,
+    )
+
+
+def _identity(material: Material) -> Iterator[tuple[str, str]]:
+    """Yield the identity of the flight, its files and the software."""
+    flight, stages = material.flight, material.provenance.stages
+    heights = flight.grid.height_system
+    versions = {
+        ", ".join(f"{name} {v}" for name, v in dict(run["versions"]).items())  # type: ignore[call-overload] # read from JSON
+        for run in stages.values()
+    }
+    yield "Flight", flight.name
+    yield "Coordinate system", f"{flight.grid.name} ({flight.grid.crs})"
+    yield "Heights", "above the ellipsoid" if heights == "ellipsoidal" else f"by {heights}"
+    yield "Refraction", flight.refraction
+    yield "Stages", listed([*stages])
+    yield "Software", "; ".join(sorted(versions))
+    yield "Data, SHA-256", material.provenance.digest
+    yield from material.provenance.files.items()

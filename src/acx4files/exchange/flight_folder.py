@@ -25,7 +25,6 @@ from acx4files.flight.problems import lines_of
 from acx4files.flight.table_files import Columns
 from acx4files.flight.tables import name_fault
 from acx4files.flight.toml_file import read_toml
-from acx4files.opening import text_of
 from acx4files.results import own_folder, whole_files
 from acx4lib.errors import FlightError, OutputError
 from acx4lib.geometry.geodesy import LOCAL
@@ -97,33 +96,26 @@ def write(imported: ImportedFlight, folder: Path) -> tuple[str, ...]:
 
 def _require_inside(imported: ImportedFlight) -> None:
     """Raise FlightError for the first measurement outside its picture, with their number."""
-    sizes = {
-        name: (camera["width_px"], camera["height_px"])
-        for name, camera in imported.settings.get("cameras", {}).items()
-        if {"width_px", "height_px"} <= set(camera)
-    }
+    cameras = imported.settings.get("cameras", {})
     for file, points in imported.tables.items():
         images = imported.tables.get(file.replace("image_points.csv", "images.csv"))
-        if not file.endswith("/image_points.csv") or images is None or not len(points["image"]):
+        if not file.endswith("/image_points.csv") or images is None:
             continue
         camera_of = dict(zip(images["image"], images["camera"], strict=True))
-        size = np.array(
-            [sizes.get(camera_of.get(n, ""), (np.inf, np.inf)) for n in points["image"]]
-        )
-        colrow = np.stack([points["col_px"], points["row_px"]], axis=1).astype(float)
-        rows = np.flatnonzero(((colrow < -0.5) | (colrow > size - 0.5)).any(axis=1))
-        if not len(rows):
-            continue
-        k = int(rows[0])
-        (col, row), (width, height) = colrow[k].tolist(), size[k].tolist()
-        n, read = len(rows), min(imported.sha256, default=imported.source)
-        raise FlightError(
-            [
-                f"{read}:1: point {points['point'][k]} in {points['image'][k]}: col {col:.1f}, "
-                f"row {row:.1f}, and {n} of {len(colrow)} measurements lie outside their pictures; "
-                f"must lie in {width:g} x {height:g} px, the size that was given or read"
-            ]
-        )
+        n_outside, first = 0, ""
+        for name, point, col, row in zip(
+            *(points[column] for column in ("image", "point", "col_px", "row_px")), strict=True
+        ):
+            camera = cameras.get(camera_of.get(name), {})
+            width, height = camera.get("width_px", np.inf), camera.get("height_px", np.inf)
+            if not (-0.5 <= col <= width - 0.5 and -0.5 <= row <= height - 0.5):
+                n_outside += 1
+                first = first or f"point {point} in {name}: col {col:.1f}, row {row:.1f}"
+                size = f"{width:g} x {height:g} px, the size that was given or read"
+        if n_outside:
+            read = min(imported.sha256, default=imported.source)
+            many = f"{n_outside} of {len(points['image'])} measurements lie outside their pictures"
+            raise FlightError([f"{read}:1: {first}, and {many}; must lie in {size}"])
 
 
 def _replaced(folder: Path, tables: Mapping[str, str]) -> tuple[str, ...]:
@@ -258,7 +250,7 @@ def _settings(folder: Path, imported: Mapping[str, Any]) -> str:
 
 
 def _read(path: Path) -> str:
-    return text_of(path) if path.exists() else ""
+    return path.read_text("utf-8-sig") if path.exists() else ""
 
 
 def _place(folder: Path, texts: Mapping[str, str], files: Mapping[str, Path]) -> None:
@@ -496,16 +488,15 @@ def added(text: str, values: Mapping[str, Any]) -> str:
         As `written` takes them.
     """
     both = _merged(tomllib.loads(text), values)
-    if "#" in text:
-        sections = _sections(text)
-        _set(sections, (), values)
-        edited = "\n".join(line for section in sections.values() for line in section) + "\n"
-        try:
-            if tomllib.loads(edited) == both:
-                return edited
-        except tomllib.TOMLDecodeError:  # a form that is not edited line by line
-            pass
-    return written(both)
+    if "#" not in text:
+        return written(both)
+    lines = text.rstrip("\n").split("\n")
+    _set(lines, (), values)
+    edited = "\n".join(lines) + "\n"
+    try:
+        return edited if tomllib.loads(edited) == both else written(both)
+    except tomllib.TOMLDecodeError:  # a form that is not edited line by line
+        return written(both)
 
 
 def _merged(before: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
@@ -519,38 +510,31 @@ def _merged(before: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]
     return both
 
 
-def _sections(text: str) -> dict[str, list[str]]:
-    """Return the lines of each table by its header, their first; the top table has no header."""
-    sections: dict[str, list[str]] = {"": []}
-    header = ""
-    for line in text.rstrip("\n").split("\n"):
-        if line.lstrip().startswith("["):
-            header = _bare(line)
-            if header in sections:  # a table of an array, or a list in a list
-                header += f"#{len(sections)}"
-        sections.setdefault(header, []).append(line)
-    return sections
-
-
-def _set(sections: dict[str, list[str]], keys: tuple[str, ...], values: Mapping[str, Any]) -> None:
+def _set(lines: list[str], keys: tuple[str, ...], values: Mapping[str, Any]) -> None:
     """Set the values of a table, and of the tables in it, line by line."""
-    header = f"[{'.'.join(map(_key_of, keys))}]" if keys else ""
-    entries = {key: value for key, value in values.items() if not isinstance(value, Mapping)}
-    if entries and header not in sections:
-        sections[next(reversed(sections))].append("")
-        sections[header] = [header]
-    for key, value in entries.items():
-        _set_line(sections[header], min(len(keys), 1), key, _value_of(value))
+    header = f"[{'.'.join(map(_key_of, keys))}]"
     for key, value in values.items():
         if isinstance(value, Mapping):
-            _set(sections, (*keys, key), value)
+            continue
+        heads = [k for k, line in enumerate(lines) if line.lstrip().startswith("[")]
+        begin = next((k + 1 for k in heads if lines[k].partition("#")[0].strip() == header), -1)
+        if not keys:
+            begin = 0
+        elif begin < 0:
+            lines += ["", header]
+            begin = len(lines)
+        end = next((k for k in heads if k >= begin), len(lines))
+        _set_line(lines, begin, end, key, _value_of(value))
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            _set(lines, (*keys, key), value)
 
 
-def _set_line(lines: list[str], begin: int, key: str, value: str) -> None:
-    """Set a value in the lines of a table, those before `begin` left out."""
+def _set_line(lines: list[str], begin: int, end: int, key: str, value: str) -> None:
+    """Set a value in the lines of a table, from `begin` to before `end`."""
     form = re.compile(rf"(?P<off>#\s*)?{re.escape(_key_of(key))}\s*=[^#]*(?P<remark>#.*)?")
-    end = len(lines)
-    matches = [(k, match) for k in range(begin, end) if (match := form.fullmatch(lines[k].strip()))]
+    found = [(k, form.fullmatch(lines[k].strip())) for k in range(begin, end)]
+    matches = [(k, match) for k, match in found if match]
     if matches:
         k, match = min(matches, key=lambda pair: bool(pair[1]["off"]))
         remark = f"  {match['remark']}" if match["remark"] else ""
@@ -559,10 +543,6 @@ def _set_line(lines: list[str], begin: int, key: str, value: str) -> None:
     while end > begin and not lines[end - 1].strip():
         end -= 1
     lines.insert(end, f"{_key_of(key)} = {value}")
-
-
-def _bare(line: str) -> str:
-    return line.partition("#")[0].strip()
 
 
 def _lines(table: Mapping[str, Any], keys: tuple[str, ...], inline: str) -> Iterator[str]:

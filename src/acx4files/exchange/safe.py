@@ -1,12 +1,12 @@
-"""Files of strangers: read within limits, or refused in one line that names file, line and element.
+"""Files of other programs: read, or refused in one line that names file, line and element.
 
-A file is opened once, or a member of a ZIP archive. Text is cut into cells, binary files into
-records; JSON and XML become trees whose every node knows its place. No entity is expanded, no
-external reference followed, nothing unpacked onto the disk.
+Text is cut into cells, binary files into records; JSON and XML become trees whose every node knows
+its place. No entity is expanded, no external reference followed, nothing unpacked onto the disk.
 """
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import io
 import json
@@ -15,20 +15,17 @@ import re
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 from xml.parsers import expat
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acx4files.flight import table_files
 from acx4files.flight.problems import Problem, Range, did_you_mean, quoted
-from acx4files.flight.tables import LONGEST_NUMBER, numbers_of
+from acx4files.flight.tables import numbers_of
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
 
@@ -104,81 +101,31 @@ def refusal(file: str, line: int, element: str, found: str, expected: str) -> Fl
     return FlightError([str(problem)])
 
 
-def read(path: Path, *, most: int | None = None) -> Opened:
+def read(path: Path) -> Opened:
     """Return the content of a regular file.
-
-    Parameters
-    ----------
-    path : Path
-    most : int, optional
-        Largest size, bytes; by default what the free memory allows.
 
     Raises
     ------
     FlightError
-        Where it is not there, no regular file, or too large.
+        Where it is not there, no regular file, or empty.
     """
-    data, problems = table_files.read_bytes(path, str(path), needed_by="the import", most=most)
-    if problems:
-        raise FlightError([str(problem) for problem in problems])
+    try:
+        if not path.is_file():
+            fault = "is no file" if path.exists() else "is not there"
+            raise refusal(str(path), 1, "file", fault, "the import needs it")
+        data = path.read_bytes()
+    except OSError as error:
+        fault = f"cannot be read ({error.strerror})"
+        raise refusal(str(path), 1, "file", fault, "the import needs it") from None
     if not data:
         raise refusal(str(path), 1, "file", "is empty", "must have content")
     return Opened(file=str(path), data=data)
-
-
-@dataclass(kw_only=True)
-class Together:
-    """The files of one import: each is read once, and their sum is limited as one file is.
-
-    A file that names others may name one of them a thousand times, by a thousand links.
-
-    Attributes
-    ----------
-    size : int
-        Bytes that were read so far, unpacked ones among them.
-    """
-
-    size: int = 0
-    _known: dict[tuple[int, int], Path] = field(default_factory=dict)
-
-    def read(self, path: Path) -> Opened:
-        """Return the content of a file, as `read` does; FlightError where it was read before."""
-        with suppress(OSError, ValueError):  # `read` says what is wrong with it
-            status = path.stat()
-            before = self._known.setdefault((status.st_dev, status.st_ino), path)
-            if before is not path:
-                fault = f"is the same file as {before}"
-                raise refusal(str(path), 1, "file", fault, "must be a file of its own")
-        return self.add(read(path))
-
-    def add(self, one: Opened) -> Opened:
-        """Return a file after its size was counted, such as a member of an archive."""
-        self.size += len(one.data)
-        if not table_files.fits(self.size):
-            fault = f"makes {self.size} bytes of files and what is packed in them"
-            raise one.wrong("file", fault, "must fit into free memory together")
-        return one
 
 
 def checksums(sources: Iterable[Opened]) -> dict[str, str]:
     """Return the checksums of files by their names without folders."""
     return {source.name: source.sha256 for source in sources}
 
-
-# --- A member of a ZIP archive, read in memory; nothing is unpacked onto the disk
-
-
-MOST_MEMBERS = 10_000
-"""Largest number of members of an archive."""
-
-MOST_BYTES = 300_000_000
-"""Largest size of a member, bytes; the XML of 100 000 images has that."""
-
-LARGEST_RATIO = 200
-"""Largest ratio of a member's size to its packed size; text has about 10, a bomb 1000."""
-
-AT_A_TIME = 50_000
-"""Packed bytes between two looks at this ratio."""
 
 UNREADABLE = (
     *(zipfile.BadZipFile, zlib.error, struct.error),
@@ -188,7 +135,7 @@ UNREADABLE = (
 
 
 def member(source: Opened, name: str) -> Opened:
-    """Return a member of a ZIP archive.
+    """Return a member of a ZIP archive, read in memory.
 
     Parameters
     ----------
@@ -200,22 +147,13 @@ def member(source: Opened, name: str) -> Opened:
     Raises
     ------
     FlightError
-        Where it is no archive, has no such member, or one that is too large or encrypted.
+        Where it is no archive, or has no such member.
     """
     try:
-        packed = io.BytesIO(source.data)
-        with zipfile.ZipFile(packed) as archive:
-            entries = {entry.filename: entry for entry in archive.infolist()[: MOST_MEMBERS + 1]}
-            if len(entries) > MOST_MEMBERS:
-                expected = f"must have at most {MOST_MEMBERS}"
-                raise source.wrong("archive", "has too many members", expected)
-            if name not in entries:
-                raise source.wrong("archive", f"has no member {name!r}", "required")
-            entry = entries[name]
-            _require_size(source, entry, entry.file_size, entry.compress_size)
-            with archive.open(entry):  # it looks at the member's own header, and stops behind it
-                begin = packed.tell()
-            data = _unpacked(source, entry, begin)
+        with zipfile.ZipFile(io.BytesIO(source.data)) as archive:
+            data = archive.read(name)
+    except KeyError:
+        raise source.wrong("archive", f"has no member {name!r}", "required") from None
     except UNREADABLE as error:
         reason = str(error).split("\n")[0] or type(error).__name__
         fault = f"is no ZIP archive that can be read ({reason})"
@@ -223,54 +161,11 @@ def member(source: Opened, name: str) -> Opened:
     return Opened(file=f"{source.file}/{name}", data=data)
 
 
-def _unpacked(source: Opened, entry: zipfile.ZipInfo, begin: int) -> bytes:
-    """Return a member's content; bytes are counted, since the header may say anything of them."""
-    packed = memoryview(source.data)[begin : begin + entry.compress_size]
-    if entry.compress_type == zipfile.ZIP_STORED:
-        data = bytes(packed)
-    elif entry.compress_type == zipfile.ZIP_DEFLATED:
-        data = _inflated(source, entry, packed)
-    else:
-        raise NotImplementedError("neither deflated nor stored")
-    if len(data) != entry.file_size or zlib.crc32(data) != entry.CRC:
-        raise zipfile.BadZipFile("other bytes than its header says")
-    return data
-
-
-def _inflated(source: Opened, entry: zipfile.ZipInfo, packed: memoryview) -> bytes:
-    stream, data = zlib.decompressobj(-zlib.MAX_WBITS), bytearray()
-    for begin in range(0, len(packed), AT_A_TIME):
-        part: bytes | memoryview = packed[begin : begin + AT_A_TIME]
-        while part and not stream.eof:
-            data += stream.decompress(part, LARGEST_RATIO * AT_A_TIME)
-            part = stream.unconsumed_tail
-            taken = begin + AT_A_TIME - len(part)
-            _require_size(source, entry, len(data), taken)
-    return bytes(data + stream.flush())
-
-
-def _require_size(source: Opened, entry: zipfile.ZipInfo, size: int, packed: int) -> None:
-    """Raise FlightError for a member too large, packed too densely, or with a password."""
-    most = min(MOST_BYTES, LARGEST_RATIO * max(packed, 1))
-    if size > most or not table_files.fits(size) or entry.flag_bits & 1:
-        fault = f"{entry.filename!r} has {size} bytes packed into {packed}"
-        expected = (
-            f"must have at most {LARGEST_RATIO} times as many, fit into memory with "
-            f"{MOST_BYTES} at most, and have no password"
-        )
-        raise source.wrong("archive", fault, expected)
-
-
 # --- Text, cut into cells
 
 
-LONGEST_LINE = 10_000_000
-"""Largest number of characters of a line: COLMAP has all points of an image on one."""
-
 _CELL = re.compile(r'"([^"]*+)"|\'([^\']*+)\'|(\S++)')
 """Between white space; a quotation mark without another is a letter."""
-
-_SPACES = re.compile(r"\s*+")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -308,7 +203,7 @@ class Line:
     def number_at(self, k: int, element: str, allowed: Range | None = None) -> float:
         """Return a cell as a finite number, inside a range if one is given."""
         cell = self.cell(k, element)
-        value = float(numbers_of([cell])[0]) if len(cell) <= LONGEST_NUMBER else float("nan")
+        value = float(numbers_of([cell])[0])
         if not abs(value) < float("inf"):
             raise self.wrong(element, quoted(cell), "must be a finite number, decimal point")
         if allowed is not None and value not in allowed:
@@ -349,9 +244,6 @@ def lines(source: Opened, *, separator: str | None = None, comment: str = "") ->
         What lines begin with that are left out, such as "#"; none by default.
     """
     for number, text in enumerate(source.text().split("\n"), start=1):
-        if len(text) > LONGEST_LINE:
-            fault = f"has {len(text)} characters"
-            raise source.wrong("line", fault, f"must have at most {LONGEST_LINE}", line=number)
         if text.strip() and not (comment and text.lstrip().startswith(comment)):
             yield Line(file=source.file, number=number, cells=cut(text, separator))
 
@@ -364,26 +256,11 @@ def cut(text: str, separator: str | None = None) -> tuple[str, ...]:
         return tuple("".join(match.groups("")) for match in _CELL.finditer(text))
     if '"' not in text:
         return tuple(cell.strip() for cell in text.split(separator))
-    return tuple(_between(text, separator))
-
-
-def _between(text: str, separator: str) -> Iterator[str]:
-    """Yield the cells between separators; those inside quotes separate nothing."""
-    end = -1
-    while end < len(text):
-        begin = _SPACES.match(text, end + 1).end()  # type: ignore[union-attr] # it always matches
-        close = text.find('"', begin + 1) if text[begin : begin + 1] == '"' else -1
-        end = text.find(separator, max(begin, close))
-        end = len(text) if end < 0 else end
-        quoted_part = text[begin + 1 : close] if close >= 0 else ""
-        yield (quoted_part + text[max(begin, close + 1) : end]).strip()
+    (row,) = csv.reader([text], delimiter=separator, skipinitialspace=True)
+    return tuple(cell.strip() for cell in row)
 
 
 # --- Binary files: records of one layout, or values one after another
-
-
-LONGEST_NAME = 1000
-"""Largest number of bytes of a text in a binary file."""
 
 
 def records(source: Opened, layout: np.dtype[Any]) -> NDArray[Any]:
@@ -438,10 +315,10 @@ class Cursor:
 
     def text(self, element: str) -> str:
         """Return the next text, which a null byte ends."""
-        end = self.source.data.find(b"\0", self.at, self.at + LONGEST_NAME)
+        end = self.source.data.find(b"\0", self.at)
         if end < 0:
             fault = f"text at byte {self.at} has no end"
-            raise self.source.wrong(element, fault, f"must have at most {LONGEST_NAME} bytes")
+            raise self.source.wrong(element, fault, "must end with a null byte")
         begin = self._skip(end + 1 - self.at, element)
         try:
             return self.source.data[begin:end].decode("utf-8")
@@ -460,15 +337,11 @@ class Cursor:
 # --- JSON as a tree whose nodes know their place: the keys that lead to them, and the line
 
 
-DEEPEST_JSON = 60
-"""Largest number of objects and lists inside each other."""
-
 Key = str | int
 
 # A string without an end goes to that of the file, so that every character is looked at once.
 _STRING = r'"(?:[^"\\]|\\.)*+"?'
 _TOKEN = re.compile(rf'{_STRING}|[\[\]{{}}:,]|[^\s\[\]{{}}:,"]++', re.DOTALL)
-_BRACKET = re.compile(rf"{_STRING}|[\[\]{{}}]", re.DOTALL)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -583,33 +456,17 @@ def json_tree(source: Opened) -> Node:
     Raises
     ------
     FlightError
-        Where it is no JSON, nested deeper than `DEEPEST`, or a name stands twice in one object.
+        Where it is no JSON, or nested too deep to be read.
     """
-    text = source.text()
-    deep = _too_deep(text)
-    if deep:
-        fault = f"has more than {DEEPEST_JSON} lists and objects inside each other"
-        raise source.wrong("file", fault, "must be less deep", line=deep)
     try:
-        value = json.loads(text, object_pairs_hook=_object, parse_constant=_no_number)
+        value = json.loads(source.text())
     except json.JSONDecodeError as error:
         raise source.wrong("file", error.msg, "must be valid JSON", line=error.lineno) from None
-    except ValueError as error:  # of `_object`, `_no_number`, and of a number of too many digits
+    except RecursionError:
+        raise source.wrong("file", "is nested too deep", "must be less deep") from None
+    except ValueError as error:  # a number of too many digits
         raise source.wrong("file", str(error).split(";")[0], "must be valid JSON") from None
     return Node(source=source, value=value)
-
-
-def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    values = dict(pairs)
-    if len(values) != len(pairs):
-        seen: set[str] = set()
-        again = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]  # add returns None, which is false
-        raise ValueError(f"{quoted(again)} stands twice in one object")
-    return values
-
-
-def _no_number(constant: str) -> float:
-    raise ValueError(f"{constant} is no number")
 
 
 def _finite(value: float) -> bool:
@@ -617,22 +474,6 @@ def _finite(value: float) -> bool:
         return math.isfinite(value)
     except OverflowError:  # a whole number of any length
         return False
-
-
-def _too_deep(text: str) -> int:
-    """Return the line on which brackets are nested too deep, 0 if nowhere."""
-    if text.count("[") + text.count("{") <= DEEPEST_JSON:
-        return 0
-    depth = 0
-    for match in _BRACKET.finditer(text):
-        mark = match[0]
-        if mark in "[{":
-            depth += 1
-            if depth > DEEPEST_JSON:
-                return text.count("\n", 0, match.start()) + 1
-        elif mark in "]}":
-            depth -= 1
-    return 0
 
 
 def _line(text: str, keys: tuple[Key, ...]) -> int:
@@ -659,16 +500,6 @@ def _line(text: str, keys: tuple[Key, ...]) -> int:
 # --- XML as a tree whose elements know their line; without document types, entities and references
 
 
-DEEPEST_XML = 100
-"""Largest number of elements inside each other."""
-
-MOST_ELEMENTS = 5_000_000
-"""Largest number of elements of a file."""
-
-NONE: Mapping[str, str] = MappingProxyType({})
-"""Attributes of an element that has none: a file may have millions of them."""
-
-
 @dataclass(kw_only=True, eq=False, slots=True)
 class Element:
     """An element of an XML file.
@@ -682,15 +513,15 @@ class Element:
     attributes : mapping of str to str
     text : str
         Its own text, without spaces around it.
-    below : sequence of Element
+    below : list of Element
     """
 
     file: str
     line: int
     tag: str
-    attributes: Mapping[str, str] = field(default_factory=lambda: NONE)
+    attributes: Mapping[str, str] = field(default_factory=dict)
     text: str = ""
-    below: Sequence[Element] = ()
+    below: list[Element] = field(default_factory=list)
 
     def wrong(self, found: str, expected: str, *, attribute: str = "") -> FlightError:
         """Return the error that says what is wrong with this element, or an attribute of it."""
@@ -739,7 +570,7 @@ class Element:
     def number(self, attribute: str = "", allowed: Range | None = None) -> float:
         """Return the text, or an attribute, as a finite number, inside a range if one is given."""
         text = self.attribute(attribute) if attribute else self.text
-        value = float(numbers_of([text])[0]) if len(text) <= LONGEST_NUMBER else float("nan")
+        value = float(numbers_of([text])[0])
         if not abs(value) < float("inf"):
             raise self.wrong(quoted(text), "must be a finite number", attribute=attribute)
         if allowed is not None and value not in allowed:
@@ -755,8 +586,7 @@ class Element:
 
     def numbers(self, n: int | None = None) -> Array:
         """Return the text as finite numbers with white space between them, `n` of them."""
-        cells = self.text.split()
-        values = numbers_of([cell if len(cell) <= LONGEST_NUMBER else "" for cell in cells])
+        values = numbers_of(self.text.split())
         if (n is not None and len(values) != n) or not all(abs(values) < float("inf")):
             many = "numbers" if n is None else f"{n} numbers"
             raise self.wrong(quoted(self.text), f"must be {many}")
@@ -774,15 +604,33 @@ def xml_tree(source: Opened) -> Element:
     Raises
     ------
     FlightError
-        Where it is no XML, has a document type, or more or deeper elements than are read.
+        Where it is no XML, or has a document type.
     """
     parser = expat.ParserCreate(namespace_separator=" ")
     parser.buffer_text = True
-    builder = _Builder(source=source, parser=parser)
-    parser.StartDoctypeDeclHandler = builder.refuse_document_type
-    parser.StartElementHandler = builder.start
-    parser.EndElementHandler = builder.end
-    parser.CharacterDataHandler = builder.say
+    outside = Element(file=source.file, line=1, tag="")
+    opened = [outside]
+
+    def refuse(*_: object) -> None:
+        fault, line = "<!DOCTYPE> may name entities and other files", parser.CurrentLineNumber
+        raise source.wrong("file", fault, "must be without it", line=line)
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        line = parser.CurrentLineNumber
+        element = Element(file=source.file, line=line, tag=tag, attributes=attributes)
+        opened[-1].below.append(element)
+        opened.append(element)
+
+    def say(text: str) -> None:
+        opened[-1].text += text
+
+    def end(_: str) -> None:
+        element = opened.pop()
+        element.text = element.text.strip()
+
+    parser.StartDoctypeDeclHandler = refuse
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = say
     try:
         parser.Parse(source.data, True)
     except expat.ExpatError as error:
@@ -791,48 +639,4 @@ def xml_tree(source: Opened) -> Element:
     except (LookupError, ValueError):  # an encoding that Python has not, or not so
         fault = "its encoding is not known"
         raise source.wrong("file", fault, "must be UTF-8") from None
-    return builder.root
-
-
-@dataclass(kw_only=True, eq=False)
-class _Builder:
-    """The handlers of the parser, and the tree that they build."""
-
-    source: Opened
-    parser: expat.XMLParserType
-    open: list[Element] = field(default_factory=list)
-    below: list[list[Element]] = field(default_factory=list)
-    said: list[list[str]] = field(default_factory=list)
-    count: int = 0
-
-    def __post_init__(self) -> None:
-        self.root = Element(file=self.source.file, line=1, tag="")
-
-    def refuse_document_type(self, *_: object) -> None:
-        line = self.parser.CurrentLineNumber
-        fault, expected = "<!DOCTYPE> may name entities and other files", "must be without it"
-        raise self.source.wrong("file", fault, expected, line=line)
-
-    def start(self, tag: str, attributes: dict[str, str]) -> None:
-        line = self.parser.CurrentLineNumber
-        self.count += 1
-        if self.count > MOST_ELEMENTS or len(self.open) >= DEEPEST_XML:
-            fault = f"more than {MOST_ELEMENTS} elements, or {DEEPEST_XML} inside each other"
-            raise self.source.wrong("file", fault, "must have fewer", line=line)
-        file = self.source.file
-        element = Element(file=file, line=line, tag=tag, attributes=attributes or NONE)
-        if self.open:
-            self.below[-1].append(element)
-        else:
-            self.root = element
-        self.open.append(element)
-        self.below.append([])
-        self.said.append([])
-
-    def say(self, text: str) -> None:
-        self.said[-1].append(text)
-
-    def end(self, _: str) -> None:
-        element = self.open.pop()
-        element.text = "".join(self.said.pop()).strip()
-        element.below = self.below.pop() or ()  # an empty list would need memory
+    return outside.below[0]

@@ -2,8 +2,8 @@
 
 `reader` lists all problems of a folder at once, or returns the whole `Flight`; odd values become
 notes; `from_tables` does the same with tables in memory. A flight's blocks are plain arrays,
-`block`; `design` has their heights, strips and overlaps. `tables`, `table_files` and `toml_file`
-are the files as text; `settings`, `reader` and `readings` find the problems in them.
+`block`; `design` has their heights, strips and overlaps. `tables` and `settings` declare columns
+and keys, `table_files` and `toml_file` read them; `reader` finds what contradicts what.
 Layout and rules of the folder: part *Your own flight* of the book. Begin with `reader`, then
 `block`; after them `settings`, `block_from_tables`, `problems`, `summary`.
 """

@@ -329,7 +329,7 @@ def _fit_problems(tables: BlockTables, setup: Setup, toml: Toml) -> Iterator[Pro
             keys = ("cameras", found.camera, found.column)
             yield toml.problem(keys, found.found, found.expected)
         else:
-            place = replace(named[found.table], lines=np.zeros(0))
+            place = replace(named[found.table], lines=np.zeros(0, dtype=np.int64))
             yield place.problem(0, found.column, found.found, found.expected)
 
 
@@ -684,7 +684,7 @@ def _position_problems(tables: BlockTables, grid: GridSystem) -> Iterator[Proble
     ):
         rows, on_map = np.flatnonzero(used), "east_m" in table.numbers
         lonlat = lonlat_of(table, grid)
-        on_earth = np.isfinite(lonlat).all(axis=1)
+        on_earth = np.isfinite(lonlat.sum(axis=1))
         if on_map:
             on_earth[on_earth] = np.isfinite(grid.convergence(lonlat[on_earth]))
             east_north = table.stack("east_m", "north_m")  # noqa: PD013 a flight's table

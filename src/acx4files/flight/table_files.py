@@ -6,7 +6,6 @@ import csv
 import hashlib
 import io
 import stat
-from array import array
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -64,7 +63,9 @@ def read_columns(
         return Table(file=file, problems=problems)
     text = as_written(text).replace("\r\n", "\n").replace("\r", "\n")
     header, lines, widths, problems = _shape(text, file)
-    problems = problems or tuple(_header_problems(file, header, schema))
+    if problems:
+        return Table(file=file, problems=problems, whole=False)
+    problems = tuple(_header_problems(file, header, schema))
     wanted = {name: header.index(name) for name in schema.known if name in header}
     if problems and not wanted.keys() & set(schema.required):
         return Table(file=file, problems=problems, whole=False)
@@ -83,33 +84,30 @@ def read_columns(
     )
 
 
-def _shape(
-    text: str, file: str
-) -> tuple[list[str], Sequence[int], Sequence[int], tuple[Problem, ...]]:
+def _shape(text: str, file: str) -> tuple[list[str], list[int], list[int], tuple[Problem, ...]]:
     """Return the header, line and number of cells of every row under it, and what is no table.
 
     A row of blank cells has none. pandas would take the first column for an index where every
     row has one cell more than the header, and says nothing.
     """
-    lines, widths = array("q"), array("q")
-    reader, line, header = csv.reader(io.StringIO(text, newline=""), strict=True), 1, [""]
+    reader, ends = csv.reader(io.StringIO(text, newline=""), strict=True), [1]
+    widths: list[int] = []
     try:
         header = [name.strip() for name in next(reader, [])]
-        line = reader.line_num + 1
+        ends[0] = reader.line_num
         for row in reader:
-            lines.append(line)
-            widths.append(len(row) if any(row) and any(map(str.strip, row)) else 0)
-            line = reader.line_num + 1
+            widths.append(len(row) if row and (row[0].strip() or any(map(str.strip, row))) else 0)
+            ends.append(reader.line_num)
     except csv.Error as error:
         fault = f"cannot be read as a table ({error})"
         expected = "must be comma-separated values, quotes closed"
-    else:
-        if any(header):
-            return header, lines, widths, ()
-        fault = "begins with a blank line" if text.strip("\r\n\t ,") else "is empty"
-        expected = "needs a header"
-    problem = Problem(file=file, line=line, column="file", found=fault, expected=expected)
-    return [""], (), (), (replace(problem, line=1 if expected == "needs a header" else line),)
+        place = Problem(file=file, line=ends[-1] + 1, column="file", found=fault, expected=expected)
+        return [], [], [], (place,)
+    if any(header):
+        return header, [end + 1 for end in ends[:-1]], widths, ()
+    fault = "begins with a blank line" if text.strip("\r\n\t ,") else "is empty"
+    place = Problem(file=file, line=1, column="file", found=fault, expected="needs a header")
+    return [], [], [], (place,)
 
 
 def _cells_of(
@@ -377,7 +375,7 @@ def fits(size: int) -> bool:
 
 def free_memory() -> int:
     """Return the memory that this process can still get, bytes, according to the system."""
-    known = [_meminfo(), _group_limit(), system.free_addresses()]
+    known = [_meminfo(), _group_limit()]
     return min(free for free in known if free is not None)
 
 

@@ -30,7 +30,6 @@ from acx4files.images.exposure import (
 from acx4files.images.head_images import HeadFiles, flight_files
 from acx4files.images.image_files import fingerprint
 from acx4files.images.tiff import read_about
-from acx4files.opening import text_of
 from acx4files.results import folder as results
 from acx4files.results import own_folder, provenance, whole_files
 from acx4files.results.read_back import read_relative_orientation
@@ -338,7 +337,7 @@ def _list(folder: Path, rig: SyntheticRig, jobs: Sequence[RenderJob]) -> None:
     path = folder / IMAGES
     rows = {}
     if path.is_file():
-        lines = text_of(path).splitlines()
+        lines = path.read_text("utf-8-sig").splitlines()
         rows = {row["exposure"]: row for row in csv.DictReader(lines) if row.get("exposure")}
     for job in jobs:
         values = (job.exposure, rig.synthetic.name, job.exposure, job.path.name)

@@ -19,7 +19,6 @@ import tifffile
 
 from acx4files.flight.table_files import free_memory
 from acx4files.images import tiff as tiff_files
-from acx4files.opening import opened
 from acx4lib.errors import FlightError
 from acx4lib.expected import Raster
 from acx4lib.geometry.camera import Camera
@@ -124,7 +123,7 @@ def image_from_file(path: Path, camera: Camera) -> ImageFile:
     """
     with _readable(path):
         size = path.stat().st_size
-        with opened(path) as file:
+        with path.open("rb") as file:
             fault = tiff_files.fault(file, size, pages=PAGES)
         if fault:
             raise FlightError([f"{path}: {fault}"])
@@ -148,7 +147,7 @@ def fingerprint(path: Path) -> str:
     """
     size = path.stat().st_size
     checksum = hashlib.sha256(str(size).encode())
-    with opened(path) as file:
+    with path.open("rb") as file:
         for offset in np.linspace(0, max(size - _AT_A_TIME, 0), _SAMPLED, dtype=np.int64):
             file.seek(int(offset))
             checksum.update(file.read(_AT_A_TIME))
@@ -210,7 +209,7 @@ def _reason(error: Exception, log: Sequence[str]) -> str:
 
 
 def _not_tiff(path: Path) -> str:
-    with opened(path) as file:
+    with path.open("rb") as file:
         start = file.read(12)
     if not start:
         return "is empty; a head image is a TIFF"
@@ -325,7 +324,7 @@ def _part_problem(path: Path, header: _Header) -> str | None:
         return None
     if header.compression not in _JPEG:
         return f"is packed in the way {header.compression}; give it as deflate, LZW, zstd or JPEG"
-    with opened(path) as file:
+    with path.open("rb") as file:
         for offset, count in zip(header.offsets, header.counts, strict=False):
             file.seek(offset)
             size = size_of(file.read(min(count, _HEADER_OF_PART)))
@@ -336,7 +335,7 @@ def _part_problem(path: Path, header: _Header) -> str | None:
 
 def _mapped(path: Path, header: _Header) -> Raster:
     """Map an image that is stored in its file as in memory."""
-    with opened(path) as file:
+    with path.open("rb") as file:
         mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     shape = (header.height, header.width, header.bands)
     count, offset = int(np.prod(shape)), header.offsets[0]
@@ -402,7 +401,7 @@ def is_cut_off(path: Path) -> bool:
     kind = path.suffix.lower()
     if kind not in (".jpg", ".jpeg", ".png", ".tif", ".tiff"):
         return False
-    with opened(path) as file:
+    with path.open("rb") as file:
         size = file.seek(0, SEEK_END)
         if kind in (".tif", ".tiff"):
             file.seek(0)

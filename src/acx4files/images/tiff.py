@@ -23,7 +23,6 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
-from acx4files import opening
 from acx4files.results import whole_files
 from acx4lib import expected
 from acx4lib.expected import Raster
@@ -383,7 +382,7 @@ def _stretched(image: Raster) -> NDArray[np.uint8]:
 
 def _to_disk(path: Path) -> None:
     """Wait until a file is on the disk and not only in memory."""
-    with opening.opened(path) as file:
+    with path.open("rb") as file:
         os.fsync(file.fileno())
 
 

@@ -30,7 +30,6 @@ from acx4files.measuring.views import (
     seen_at,
     size_on_file,
 )
-from acx4files.opening import opened, text_of
 from acx4files.results import own_folder, whole_files
 from acx4files.results.whole_files import file_stem
 from acx4lib import expected, shown
@@ -457,9 +456,7 @@ def read_unmeasured(path: str | Path) -> Unmeasured:
         )
         raise FlightError([problem])
     toml = read_toml(folder / "flight.toml")
-    tables = {
-        name: without_points(read_block(folder, name, pictures=folder)) for name in names
-    }
+    tables = {name: without_points(read_block(folder, name, pictures=folder)) for name in names}
     flight = checked(toml, list(tables.values()))
     pictured = [name for name in names if any(flight.image_files[name])]
     empty = [
@@ -515,7 +512,7 @@ def _used_images(unmeasured: Unmeasured, block: str, tables: BlockTables) -> byt
     files = unmeasured.flight.image_files[block]
     used = {*tables.image_points.text["image"]}
     used |= {n for n, path in zip(tables.images.text["image"], files, strict=True) if path}
-    source = text_of(unmeasured.flight.path / block / "images.csv")
+    source = (unmeasured.flight.path / block / "images.csv").read_text("utf-8-sig")
     rows = list(csv.reader(io.StringIO(source, newline="")))
     column = [name.strip() for name in rows[0]].index("image")
     kept = [rows[0], *(row for row in rows[1:] if row and row[column].strip() in used)]
@@ -557,7 +554,7 @@ def _write_points(folder: Path, block: str, rows: Sequence[Measured]) -> None:
 
 
 def _content(path: Path) -> bytes:
-    with opened(path) as file:
+    with path.open("rb") as file:
         return file.read()
 
 

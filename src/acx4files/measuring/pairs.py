@@ -20,7 +20,6 @@ import numpy as np
 
 from acx4files.images.image_files import fingerprint
 from acx4files.measuring.views import Surface, View, pixels_of_view, transferred
-from acx4files.opening import opened
 from acx4files.results import whole_files
 from acx4lib import expected
 from acx4lib.expected import Array, Index, Mask
@@ -432,7 +431,7 @@ def _kept(path: Path) -> Both | None:
     if not path.is_file():
         return None
     try:
-        with opened(path) as kept, np.load(kept, allow_pickle=False) as file:
+        with path.open("rb") as kept, np.load(kept, allow_pickle=False) as file:
             forth, back = (Found(**{name: file[f"{k}_{name}"] for name in _PARTS}) for k in (0, 1))
     except _BROKEN:
         return None

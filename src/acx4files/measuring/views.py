@@ -12,7 +12,6 @@ import numpy as np
 
 from acx4files.images import image_files
 from acx4files.images.image_files import image_from_file
-from acx4files.opening import opened
 from acx4lib import expected
 from acx4lib.block import Block
 from acx4lib.errors import FlightError
@@ -159,7 +158,7 @@ def _require_size(path: Path, camera: Camera) -> None:
     """Raise FlightError for a JPEG or PNG that is damaged, of a wrong size, or unsafe to decode."""
     if not path.is_file():
         raise FlightError([f"{path}: there is no such file"])
-    with opened(path) as file:
+    with path.open("rb") as file:
         data = file.read()
     size = image_files.size_of(data)
     if size is None:

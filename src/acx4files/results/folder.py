@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby
+from itertools import chain, groupby
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +21,12 @@ import numpy as np
 import pandas as pd
 
 from acx4files.results import table_files
-from acx4files.results.table_files import COLUMNS, OF, STAGES
+from acx4files.results.table_files import COLUMNS, OF
 from acx4files.results.whole_files import together
 from acx4lib import expected
 from acx4lib.errors import FlightError
+
+STAGES = table_files.STAGES
 
 FILES = (*(f"{name}.csv" for name in COLUMNS), "summary.json")
 """Every file of a results folder."""
@@ -33,9 +35,9 @@ RUN = "run"
 """Object of summary.json on all stages: flight, software, and the SHA-256 of every table."""
 
 FORMAT = 2
-"""Version of results; 1 had its object `RUN` in the file `EARLIER`."""
+"""Version of results; 1 had its object `RUN` in the first file of `EARLIER`."""
 
-EARLIER = "provenance.json"
+EARLIER = ("provenance.json", ".acx4.json")
 
 AGAIN = "run all stages again"
 
@@ -155,7 +157,7 @@ def read_summary(folder: Path) -> tuple[Summary, dict[str, Any]]:
         Where the file is there and not of a run.
     """
     summary = _object(folder / "summary.json")
-    run = summary.pop(RUN, None) or _object(folder / EARLIER)
+    run = summary.pop(RUN, None) or _object(folder / EARLIER[0])
     strange = [key for key, entry in summary.items() if not _is_entry(key, entry)]
     if strange:
         problem = f"{folder / 'summary.json'}: {strange[0]} is not of a stage of acx4 run"
@@ -237,12 +239,13 @@ def replace(
     path.mkdir(parents=True, exist_ok=True)
     all_stages = {*STAGES} <= {*stage_methods}
     before, old_run = ({}, {}) if all_stages else read_summary(path)
-    new_run = dict(old_run if run is None else run)
+    new_run = dict(old_run if run is None else run) | {"format": FORMAT}
+    new_run.pop("writing", None)
     stage = stage_methods[0].partition("/")[0] if stage_methods else ""
     check_ended(path, old_run, stage_methods)
     entries = {key: v for key, v in before.items() if not _belongs(key, stage_methods)}
     with together() as new:
-        writing = {**new_run, "format": FORMAT, "tables": {}, "writing": stage}
+        writing = {**new_run, "tables": {}, "writing": stage}
         new.write(path / "summary.json", _summary_text(entries, writing))
         for name, content in (kept or {}).items():
             (path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -250,20 +253,18 @@ def replace(
         digests = {}
         for name in COLUMNS:
             old = b"" if all_stages else _content(name, path, old_run)
-            parts = {stage: [] for stage in STAGES}
-            for part, lines in _remaining(path / f"{name}.csv", old, stage_methods):
-                parts[part].append(lines)
+            parts: dict[str, list[bytes]] = {part: [] for part in STAGES}
+            for part, rows in _remaining(path / f"{name}.csv", old, stage_methods):
+                parts[part].append(rows)
             for part, frame in _by_stage(name, tables.get(name, ())):
                 parts[part].extend(table_files.lines(name, frame))
-            digest = hashlib.sha256()
-            with new.open(path / f"{name}.csv") as file:
-                for lines in (table_files.header(name), *(x for p in parts.values() for x in p)):
-                    digest.update(lines)
-                    file.write(lines)
-            digests[f"{name}.csv"] = digest.hexdigest()
-        done = {**new_run, "format": FORMAT, "tables": digests}
+            content = b"".join([table_files.header(name), *chain(*parts.values())])
+            new.write(path / f"{name}.csv", content)
+            digests[f"{name}.csv"] = hashlib.sha256(content).hexdigest()
+        done = {**new_run, "tables": digests}
         new.write(path / "summary.json", _summary_text({**entries, **summary}, done))
-    (path / EARLIER).unlink(missing_ok=True)
+    for file in EARLIER:
+        (path / file).unlink(missing_ok=True)
 
 
 def _remaining(

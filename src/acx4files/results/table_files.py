@@ -83,6 +83,9 @@ LATER = {"parameters": ("sigma_before",)}
 ROWS = 50_000
 """Number of rows that are made into text at a time."""
 
+FEW = 1000
+"""Number of rows by which the numbers of a column are seen to be few."""
+
 _SPECIAL = ',"\n\r'
 """Characters for which a cell is quoted."""
 
@@ -160,21 +163,25 @@ def lines(name: str, frame: pd.DataFrame) -> Iterator[bytes]:
     frame : DataFrame
         With these columns; those of text are written fastest as categories.
     """
-    columns = [_coded(frame[column], column in TEXTS) for column in COLUMNS[name]]
+    columns = [_coded(frame[column], is_text=column in TEXTS) for column in COLUMNS[name]]
     for begin in range(0, len(frame), ROWS):
         cells = [_cells(values[begin : begin + ROWS], known) for values, known in columns]
-        yield "".join(f"{row}\n" for row in map(",".join, zip(*cells, strict=True))).encode()
+        yield ("\n".join(map(",".join, zip(*cells, strict=True))) + "\n").encode()
 
 
-def _coded(column: pd.Series, is_text: bool) -> tuple[np.ndarray, np.ndarray | None]:
+def _coded(column: pd.Series, *, is_text: bool) -> tuple[np.ndarray, np.ndarray | None]:
     """Return the code of every cell of text and the cells that occur, or numbers and None."""
     if not is_text:
-        return column.to_numpy(dtype=None if column.name in COUNTS else float), None
-    if isinstance(column.dtype, pd.CategoricalDtype):
-        code, known = column.cat.codes.to_numpy(), column.cat.categories
-    else:
-        code, known = pd.factorize(column)
-    return code, np.array([*map(_quoted, map(str, known.tolist())), ""], dtype=object)
+        values = np.ascontiguousarray(column, dtype=None if column.name in COUNTS else float)
+        if column.name in COUNTS or len(np.unique(values[:FEW])) > FEW // 10:
+            return values, None
+        code, bits = pd.factorize(values.view(np.int64))  # a few sigma stand in all rows; -0 is -0
+        return code, np.array([*_cells(bits.view(float), None), ""], dtype=object)
+    text = column.astype("category").cat
+    known = text.categories
+    return text.codes.to_numpy(), np.array(
+        [*map(_quoted, map(str, known.tolist())), ""], dtype=object
+    )
 
 
 def _quoted(text: str) -> str:
@@ -188,7 +195,7 @@ def _cells(values: np.ndarray, known: np.ndarray | None) -> list[str]:
     """Return the cells of a part of a column; no value has the last code, -1."""
     if known is not None:
         return known[values].tolist()
-    cells = list(map(repr, values.tolist()))
+    cells = list(map(float.__repr__ if values.dtype == float else repr, values.tolist()))
     for k in np.flatnonzero(~np.isfinite(values)):
         cells[k] = ""
     return cells

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict, overload
+from typing import TYPE_CHECKING, TypeVar
 
 from acx4files.flight.reader import Flight
 from acx4files.results import adjustments, folder, provenance
 from acx4files.results.adjustments import mounted_block, read_carried
 from acx4files.results.earlier import ORIENTED
 from acx4files.results.read_back import read_relative_orientation
-from acx4files.stages.order import explained, explaining, rig_leads, solving
+from acx4files.stages.order import rig_leads
 from acx4lib import expected, shown
 from acx4lib.attempts import Failed
 from acx4lib.block import Block
@@ -25,14 +24,7 @@ from acx4lib.synthetic_image import transferred_points
 if TYPE_CHECKING:
     import pandas as pd
 
-
-class Settings(TypedDict):
-    """Settings of the adjustments in flight.toml, as keywords of the functions of `calibration`."""
-
-    free: tuple[str, ...]
-    fix: tuple[str, ...]
-    refraction: str
-    gnss: tuple[str, ...]
+Outcome = TypeVar("Outcome", Mounting, Failed)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,13 +38,11 @@ class MountingStage:
     sigma_factors : mapping of str to float
         Factors of the given standard deviations, by group of observations; empty where these are
         used unchanged.
-    settings : Settings
     mountings : Mountings
     """
 
     block: Block
     sigma_factors: Mapping[str, float]
-    settings: Settings
     mountings: Mountings
 
     def __repr__(self) -> str:
@@ -87,8 +77,10 @@ def run(flight: Flight, results_path: str | Path) -> MountingStage:
         As `calibrate`.
     """
     stage = calibrate(flight, measured(flight, results_path))
-    share = partial(with_heads, flight, results_path)
-    methods = {name: share(found) for name, found in stage.mountings.methods.items()}
+    methods = {
+        name: with_heads(flight, results_path, found)
+        for name, found in stage.mountings.methods.items()
+    }
     stage = replace(stage, mountings=replace(stage.mountings, methods=methods))
     write(flight, results_path, stage.mountings, stage.sigma_factors)
     return stage
@@ -115,28 +107,17 @@ def calibrate(flight: Flight, block: Block | None = None) -> MountingStage:
     """
     expected.instance("flight", flight, Flight)
     if block is None:
-        block = _as_measured(flight)
-    settings = Settings(
-        free=flight.estimate_mounting,
-        fix=flight.fix,
-        refraction=flight.refraction,
-        gnss=flight.gnss,
+        if "calibration" in flight.transferred:
+            msg = "block calibration is measured in heads: give it with points transferred, `block`"
+            raise ValueError(msg)
+        block = flight.block("calibration")
+    free, fix, refraction = flight.estimate_mounting, flight.fix, flight.refraction
+    block, factors = mounting.weighted(
+        block, weights=flight.weights, free=free, fix=fix, refraction=refraction, gnss=flight.gnss
     )
-    block, factors = weighted(flight, block, weights=flight.weights, **settings)
-    outcomes = mounting.outcomes(block, **settings)
-    return MountingStage(
-        block=block,
-        sigma_factors=factors,
-        settings=settings,
-        mountings=gathered(flight, outcomes),
-    )
-
-
-def _as_measured(flight: Flight) -> Block:
-    if "calibration" in flight.transferred:
-        msg = "block calibration is measured in heads: give it with points transferred, as `block`"
-        raise ValueError(msg)
-    return flight.block("calibration")
+    outcomes = mounting.outcomes(block, free=free, fix=fix, refraction=refraction, gnss=flight.gnss)
+    together = mounting.together(outcomes)
+    return MountingStage(block=block, sigma_factors=factors, mountings=together)
 
 
 def measured(flight: Flight, results_path: str | Path) -> Block:
@@ -160,17 +141,7 @@ def measured(flight: Flight, results_path: str | Path) -> Block:
     return mounted_block(flight, "calibration", run_results)
 
 
-@overload
-def with_heads(flight: Flight, results_path: str | Path, outcome: Mounting) -> Mounting: ...
-
-
-@overload
-def with_heads(flight: Flight, results_path: str | Path, outcome: Failed) -> Failed: ...
-
-
-def with_heads(
-    flight: Flight, results_path: str | Path, outcome: Mounting | Failed
-) -> Mounting | Failed:
+def with_heads(flight: Flight, results_path: str | Path, outcome: Outcome) -> Outcome:
     """Return a method's outcome with standard deviations that include errors of the heads.
 
     It is returned unchanged where it failed, where the block is not measured in heads, and where
@@ -204,61 +175,13 @@ def with_heads(
     )
 
 
-def weighted(
-    flight: Flight,
-    block: Block,
-    *,
-    weights: str,
-    free: Sequence[str],
-    fix: Sequence[str] = (),
-    refraction: str = "none",
-    gnss: Sequence[str] = (),
-) -> tuple[Block, dict[str, float]]:
-    """Call `calibration.mounting.weighted`; explain a failure by a fitting interpretation.
-
-    Parameters
-    ----------
-    flight : Flight
-        Of which the block is.
-    block, weights, free, fix, refraction, gnss
-        As there.
-
-    Raises
-    ------
-    AdjustmentError
-        Where the single step or the factors do not converge.
-    """
-    with solving(flight, "calibration"), explaining(flight, "calibration"):
-        return mounting.weighted(
-            block, weights=weights, free=free, fix=fix, refraction=refraction, gnss=gnss
-        )
-
-
-def gathered(flight: Flight, outcomes: Sequence[Mounting | Failed]) -> Mountings:
-    """Collect the outcomes of all methods in one value.
-
-    Parameters
-    ----------
-    flight : Flight
-    outcomes : sequence of Mounting or Failed
-        Of the methods that were tried, each once.
-
-    Raises
-    ------
-    AdjustmentError
-        Where no method has an outcome, with the interpretation of the flight that explains it.
-    """
-    with solving(flight, "calibration"), explaining(flight, "calibration"):
-        return mounting.together(outcomes)
-
-
 def write(
     flight: Flight,
     results_path: str | Path,
     mountings: Mountings,
     factors: Mapping[str, float],
 ) -> None:
-    """Write the results of all methods, with explanations of failures.
+    """Write the results of all methods, failures included.
 
     Parameters
     ----------
@@ -268,10 +191,8 @@ def write(
     factors : mapping of str to float
         Factors of the given standard deviations, by group of observations.
     """
-    with solving(flight, "calibration"):
-        records = adjustments.of_mountings(
-            mountings, applied=factors, over_ground=flight.validation is None
-        )
-        records = explained(records, flight, "calibration")
+    records = adjustments.of_mountings(
+        mountings, applied=factors, over_ground=flight.validation is None
+    )
     methods = METHODS if rig_leads(flight) else ()  # the rig has been written before
     adjustments.write(results_path, "mounting", records, flight=flight, methods=methods)

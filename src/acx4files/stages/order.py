@@ -1,20 +1,12 @@
-"""The data that each stage needs, the order of the stages, and explanations of failures."""
+"""The data that each stage needs, and the order of the stages."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
+from collections.abc import Sequence
 
-import numpy as np
-
-from acx4files import conventions
 from acx4files.flight.reader import Flight
-from acx4files.results.adjustments import Record
-from acx4files.results.folder import messages
-from acx4lib.block import standing_out, unobserved
+from acx4lib.block import unobserved
 from acx4lib.calibration.heads import not_calibrated
-from acx4lib.errors import AdjustmentError, unsolvable
 
 DECISIVE = ("heads/bundle", "mounting/single_step")
 """Methods that must be determined; the others are left out where they are not."""
@@ -93,84 +85,3 @@ def _unmeasured(flight: Flight, stage: str, block: str) -> str:
             f"no {'check ' * bool(len(checked))}point of block validation is measured in two images"
         )
     return ""
-
-
-# --- Where observations contradict each other: the interpretation of the flight that explains it
-
-
-def _reading(flight: Flight, block_name: str) -> str:
-    """Return a sentence on an interpretation that fits a block much better; empty without any."""
-    reading = conventions.best_reading(flight, block_name)
-    return reading.sentence if reading else ""
-
-
-def explained(records: Sequence[Record], flight: Flight, block_name: str) -> list[Record]:
-    """Explain stopped data snooping and failures in records by a fitting interpretation.
-
-    Parameters
-    ----------
-    records : sequence of Record
-    flight : Flight
-    block_name : str
-        Block of the records.
-    """
-    if not any(_unexplained(entry) for record in records for entry in record.summary.values()):
-        return list(records)
-    explanation = _reading(flight, block_name)
-    return [_with(record, explanation) for record in records] if explanation else list(records)
-
-
-def _unexplained(entry: Mapping[str, object]) -> dict[str, list[str]]:
-    """Return the sentences on stops and failures in an entry of a summary, by their key."""
-    keys = ["stopped", *([] if entry.get("converged") else ["not_determined"])]
-    return {key: lines for key in keys if (lines := messages(entry, key))}
-
-
-def _with(record: Record, explanation: str) -> Record:
-    """Append an explanation to the unexplained sentences of a record."""
-    entries = {
-        name: entry
-        | {
-            key: [f"{line}; {explanation}" for line in lines]
-            for key, lines in _unexplained(entry).items()
-        }
-        for name, entry in record.summary.items()
-    }
-    return replace(record, summary=entries)
-
-
-@contextmanager
-def explaining(flight: Flight, block_name: str) -> Iterator[None]:
-    """Add a fitting interpretation to the message of an adjustment that fails.
-
-    Parameters
-    ----------
-    flight : Flight
-    block_name : str
-        The block that is adjusted.
-    """
-    try:
-        yield
-    except AdjustmentError as error:
-        explanation = _reading(flight, block_name)
-        if not explanation:
-            raise
-        raise AdjustmentError(f"{error}; {explanation}") from error
-
-
-@contextmanager
-def solving(flight: Flight, block_name: str) -> Iterator[None]:
-    """Replace a LinAlgError by an AdjustmentError, with exposures and points to check.
-
-    Parameters
-    ----------
-    flight : Flight
-    block_name : str
-        Block of the equations.
-    """
-    try:
-        yield
-    except np.linalg.LinAlgError as error:
-        odd = standing_out(flight.block(block_name))
-        equations = f"the equations of block {block_name!r}{odd}"
-        raise unsolvable(str(error), equations) from error

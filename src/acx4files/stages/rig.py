@@ -17,7 +17,8 @@ from acx4files.results.adjustments import (
     of_mounting,
     of_relative_orientation,
 )
-from acx4files.stages.order import explained, rig_leads, solving
+from acx4files.results.folder import messages
+from acx4files.stages.order import rig_leads
 from acx4lib import expected, shown
 from acx4lib.attempts import Failed, attempt
 from acx4lib.block import Block, select_cameras
@@ -114,16 +115,15 @@ def calibrate(flight: Flight, *, method: str = "rig") -> RigStage:
         ``"rig"`` for the block heads, ``"rig_calibration"`` for the calibration block.
     """
     block = measured(flight, method)
-    with solving(flight, block.name):
-        outcome = attempt(
-            rig.calibrate,
-            block,
-            free=flight.estimate_heads,
-            fix=flight.fix,
-            refraction=flight.refraction,
-            gnss=of_attitudes(flight.gnss),
-        )
-        return gathered(block, outcome, method)
+    outcome = attempt(
+        rig.calibrate,
+        block,
+        free=flight.estimate_heads,
+        fix=flight.fix,
+        refraction=flight.refraction,
+        gnss=of_attitudes(flight.gnss),
+    )
+    return gathered(block, outcome, method)
 
 
 def of_attitudes(gnss: Sequence[str]) -> tuple[str, ...]:
@@ -149,24 +149,9 @@ def measured(flight: Flight, method: str = "rig") -> Block:
 
 
 def gathered(block: Block, found: Mounting | Failed, method: str = "rig") -> RigStage:
-    """Collect a block and its calibrated rig in one value.
-
-    Parameters
-    ----------
-    block : Block
-    found : Mounting or Failed
-    method : str
-        One of `estimates.RIGS`.
-
-    Raises
-    ------
-    LinAlgError
-        Where nothing can be computed with a number of the block.
-    """
+    """Collect a block and its calibrated rig, of one of `estimates.RIGS`, in one value."""
     if isinstance(found, Mounting):
         return RigStage(block=block, rig=replace(found, method=method), method=method)
-    if isinstance(found.error, np.linalg.LinAlgError):
-        raise found.error
     return RigStage(block=block, rig=None, left_out=found.reason, method=method)
 
 
@@ -180,13 +165,10 @@ def write(flight: Flight, results_path: str | Path, stages: Sequence[RigStage]) 
     stages : sequence of RigStage
         As `gathered` makes them.
     """
-    over_ground, explained_records = "validation" not in flight.transferred, []
+    over_ground = "validation" not in flight.transferred
     for stage in stages:
-        with solving(flight, stage.block.name):
-            records = _records(stage, over_ground=over_ground)
-            explained_records.append(explained(records, flight, stage.block.name))
-    for stage, rows in zip(stages, explained_records, strict=True):
-        adjustments.write(results_path, "mounting", rows, flight=flight, methods=[stage.method])
+        records = _records(stage, over_ground=over_ground)
+        adjustments.write(results_path, "mounting", records, flight=flight, methods=[stage.method])
     if rig_leads(flight):
         oriented = _oriented(flight, stages[0])
         adjustments.write(results_path, "heads", oriented, flight=flight)
@@ -196,13 +178,11 @@ def _oriented(flight: Flight, stage: RigStage) -> list[Record]:
     """Return the record of the rig's relative orientation, the first head as declared."""
     if stage.rig is None:
         return []
-    with solving(flight, stage.block.name):
-        orientation = attempt(
-            rig.relative_orientation, stage.rig, flight.synthetic_camera, as_declared=True
-        )
+    camera, method = flight.synthetic_camera, "relative_orientation"
+    orientation = attempt(rig.relative_orientation, stage.rig, camera, as_declared=True)
     if isinstance(orientation, Failed):
-        return [of_left_out("heads", "relative_orientation", orientation.reason)]
-    return [of_relative_orientation("heads", "relative_orientation", orientation)]
+        return [of_left_out("heads", method, orientation.reason)]
+    return [of_relative_orientation("heads", method, orientation)]
 
 
 def _records(stage: RigStage, *, over_ground: bool) -> list[Record]:
@@ -211,12 +191,8 @@ def _records(stage: RigStage, *, over_ground: bool) -> list[Record]:
         return [of_left_out("mounting", stage.method, stage.left_out)]
     record = of_mounting(stage.rig, over_ground=over_ground)
     ((key, entry),) = record.summary.items()
-    notes = [*_list(entry["notes"]), *(f"{key}: {note}" for note in _notes(stage))]
+    notes = [*messages(entry, "notes"), *(f"{key}: {note}" for note in _notes(stage))]
     return [replace(record, summary={key: {**entry, "notes": notes}})]
-
-
-def _list(value: object) -> list[object]:
-    return value if isinstance(value, list) else []
 
 
 def _notes(stage: RigStage) -> list[str]:

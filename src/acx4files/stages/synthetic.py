@@ -18,13 +18,11 @@ from acx4files.results.adjustments import (
     of_transferred,
 )
 from acx4files.results.read_back import read_relative_orientation
-from acx4files.stages.order import solving
-from acx4files.stages.pictures import FoundTies, Pictures, find, read_pictures
+from acx4files.stages.pictures import FoundTies, find, read_pictures
 from acx4lib import shown
 from acx4lib.attempts import Failed, attempt
 from acx4lib.calibration.heads import RelativeOrientation, declared_orientation, not_calibrated
 from acx4lib.errors import AdjustmentError
-from acx4lib.geometry.camera import Camera
 from acx4lib.synthetic_image.transferred_points import TransferredPoints, transfer
 from acx4lib.tie_points.refinement import FREE, Refined, refine_by_rotations
 from acx4lib.tie_points.ties import (
@@ -112,44 +110,7 @@ class Refinement:
             return []
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SyntheticStage:
-    """The heads of a flight, refined for its synthetic image.
-
-    Attributes
-    ----------
-    synthetic : Camera
-        Of the synthetic image.
-    orientation : RelativeOrientation
-        As stage heads left it.
-    pictures : Pictures or None
-        None where the flight has none.
-    found : FoundTies or None
-        From the pictures.
-    refinement : Refinement
-    transferred : dict of str to TransferredPoints
-        By block; empty where the flight is measured in synthetic images.
-    """
-
-    synthetic: Camera
-    orientation: RelativeOrientation
-    pictures: Pictures | None
-    found: FoundTies | None
-    refinement: Refinement
-    transferred: dict[str, TransferredPoints]
-
-    def __repr__(self) -> str:
-        """Summarize the stage in one line."""
-        n = shown.count(len(self.refinement.ties), "tie point")
-        transferred = [f"{name} transferred" for name in self.transferred]
-        return shown.line("SyntheticStage", self.synthetic.name, n, *transferred)
-
-    def table(self) -> pd.DataFrame:
-        """Return the orientation of the heads before and after every refinement side by side."""
-        return self.refinement.table()
-
-
-def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> SyntheticStage:
+def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> Refinement:
     """Find the tie points of the heads, refine the heads by them, and write the results.
 
     Points measured in heads are transferred into the synthetic image by the refined heads.
@@ -177,22 +138,14 @@ def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> Synthet
         raise ValueError("flight.toml has no table [synthetic]")
     orientation = read_heads(flight, results_path)
     pictures = read_pictures(flight, orientation, reduce=reduce)
-    with solving(flight, "heads"):
-        pixel_ties = find(pictures, orientation) if pictures else None
-        refinement = refine(flight, orientation, pixel_ties)
-        transferred = {
-            name: transfer(flight.block(name), refinement.orientation, synthetic)
-            for name in flight.transferred
-        }
+    pixel_ties = find(pictures, orientation) if pictures else None
+    refinement = refine(flight, orientation, pixel_ties)
+    transferred = {
+        name: transfer(flight.block(name), refinement.orientation, synthetic)
+        for name in flight.transferred
+    }
     write(flight, results_path, refinement, transferred)
-    return SyntheticStage(
-        synthetic=synthetic,
-        orientation=orientation,
-        pictures=pictures,
-        found=pixel_ties,
-        refinement=refinement,
-        transferred=transferred,
-    )
+    return refinement
 
 
 def read_heads(flight: Flight, results_path: str | Path) -> RelativeOrientation:
@@ -261,9 +214,6 @@ def gathered(
     found : FoundTies, optional
         Where the tie points are from pixels; problems of overlaps are added to a failure.
     """
-    for failure in fits.values():
-        if isinstance(failure, Failed) and isinstance(failure.error, np.linalg.LinAlgError):
-            raise failure.error
     done = {way: fit for way, fit in fits.items() if isinstance(fit, Refined)}
     orientations = {"before": orientation, **{way: fit.orientation for way, fit in done.items()}}
     return Refinement(

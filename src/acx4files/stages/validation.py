@@ -3,74 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 from acx4files.flight.reader import Flight
 from acx4files.results import adjustments, earlier, folder, provenance, read_back
 from acx4files.results.adjustments import Record, mounted_block, of_validations
 from acx4files.results.earlier import Earlier
-from acx4files.stages.order import explained, solving
 from acx4files.stages.rig import of_attitudes
-from acx4lib import shown
 from acx4lib.attempts import attempt
 from acx4lib.block import Block
 from acx4lib.calibration.estimates import Calibration, features
 from acx4lib.georeferencing.validation import Validation, predict, validate
-from acx4lib.shown import ByName, Tabled
-
-if TYPE_CHECKING:
-    import pandas as pd
+from acx4lib.shown import ByName
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ValidationStage:
+class ValidationStage(NamedTuple):
     """The validation block, georeferenced by every calibration.
 
     Attributes
     ----------
-    block : Block
-        Transferred into the synthetic image where it is measured in heads.
     calibrations : dict of str to Calibration
         By method, those whose parameters are all determined.
     validations : list of Validation
         One for each of them.
-    rigs : dict of str to Calibration
-        By method, where the block is measured in heads.
     in_heads : list of Validation
-        One for each of them, in the images of the heads.
-    earlier : str
-        Sentence on the origin of the calibrations of an earlier flight; empty for this flight's.
+        One for each rig, in the images of the heads, where the block is measured in them.
     """
 
-    block: Block
-    calibrations: dict[str, Calibration]
+    calibrations: Mapping[str, Calibration]
     validations: list[Validation]
-    rigs: Mapping[str, Calibration]
     in_heads: list[Validation]
-    earlier: str = ""
-
-    def __repr__(self) -> str:
-        """Summarize the validations in one line."""
-        methods = [validation.method for validation in (*self.validations, *self.in_heads)]
-        points = shown.count(len(self.block.check), "check point")
-        return shown.line("ValidationStage", points, *methods)
-
-    def table(self) -> pd.DataFrame:
-        """Return the differences of all methods."""
-        by_method = {
-            validation.method: validation for validation in (*self.validations, *self.in_heads)
-        }
-        return _below_each_other("method", by_method)
-
-
-def _below_each_other(name: str, values: Mapping[str, Tabled]) -> pd.DataFrame:
-    """Concatenate the tables of values, one below the other."""
-    import pandas as pd  # noqa: PLC0415 it loads long, and few programs show tables
-
-    tables = {key: value.table() for key, value in values.items()}
-    return pd.concat(tables, names=[name]) if tables else pd.DataFrame()
 
 
 def run(
@@ -98,17 +62,11 @@ def run(
     before = _before(flight, results_path, calibration_path)
     block, rigs = _block(flight, before), _rigs(flight, before)
     methods = _calibrations(flight, before, block)
-    stage = ValidationStage(
-        block=block,
-        calibrations=methods,
-        validations=_validations(flight, block, methods),
-        rigs=rigs,
-        in_heads=_validations(flight, flight.block("validation"), rigs),
-        earlier=before.sentence if isinstance(before, Earlier) else "",
-    )
-    validations = [*stage.validations, *stage.in_heads]
-    _write(flight, results_path, _records(flight, validations, {**methods, **rigs}), before)
-    return stage
+    found = _validations(flight, block, methods)
+    in_heads = _validations(flight, flight.block("validation"), rigs)
+    records = _records(flight, [*found, *in_heads], {**methods, **rigs})
+    _write(flight, results_path, records, before)
+    return ValidationStage(methods, found, in_heads)
 
 
 # --- what is validated -----------------------------------------------------------------------
@@ -232,20 +190,14 @@ def _records(
     flight: Flight, validations: Sequence[Validation], calibrations: Mapping[str, Calibration]
 ) -> list[Record]:
     flown = flight.blocks.get("calibration")
-    with solving(flight, "validation"):
-        records = of_validations(
-            validations,
-            calibrations,
-            frozenset() if flown is None else features(flown),
-            late="delay" in flight.gnss,
-        )
-        if validations:
-            pairs = zip(records, validations, strict=True)
-            records = [
-                _with_prediction(flight, record, validation, calibrations[validation.method])
-                for record, validation in pairs
-            ]
-        return explained(records, flight, "validation")
+    has = frozenset() if flown is None else features(flown)
+    records = of_validations(validations, calibrations, has, late="delay" in flight.gnss)
+    if not validations:
+        return records
+    return [
+        _with_prediction(flight, record, validation, calibrations[validation.method])
+        for record, validation in zip(records, validations, strict=True)
+    ]
 
 
 def _with_prediction(
@@ -275,19 +227,18 @@ def _write(
     origin = None
     if isinstance(before, Earlier):
         origin = before.origin
-        first, *others = records
-        notes = [f"validation: {before.sentence}"]
-        records = [_named(first, before, notes=notes)]
-        records += [_named(record, before) for record in others]
+        notes = [[f"validation: {before.sentence}"], *([] for _ in records[1:])]
+        records = [
+            _named(record, origin, note) for record, note in zip(records, notes, strict=True)
+        ]
     adjustments.write(results_path, "validation", records, flight=flight, calibration=origin)
 
 
-def _named(record: Record, earlier: Earlier, *, notes: Sequence[str] = ()) -> Record:
+def _named(record: Record, origin: Mapping[str, object], notes: Sequence[str]) -> Record:
     """Add the origin of an earlier flight's calibration to the record of a validation."""
     entries = {}
     for key, entry in record.summary.items():
-        method = key.rpartition("/")[2]
-        origin: dict[str, object] = {**earlier.origin, "method": f"mounting/{method}"}
+        calibration = {**origin, "method": f"mounting/{key.rpartition('/')[2]}"}
         all_notes = [*folder.messages(entry, "notes"), *notes]
-        entries[key] = {**entry, "calibration": origin, "notes": all_notes}
-    return Record(stage=record.stage, method=record.method, tables=record.tables, summary=entries)
+        entries[key] = {**entry, "calibration": calibration, "notes": all_notes}
+    return replace(record, summary=entries)

@@ -21,10 +21,10 @@ import numpy as np
 import pandas as pd
 from scipy import optimize, special, stats
 
-from acx4book.report.findings import LEVEL, MATTERS
 from acx4book.report.material import Material, validated
 from acx4lib.bundle.rejections import CRITICAL
 from acx4lib.geometry.parameters import AXES
+from acx4lib.least_squares.verdict import LEVEL, MATTERS
 
 FOUND = 0.8
 """Share of the flights with a fault that are to be found at the size that is predicted."""

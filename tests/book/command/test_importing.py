@@ -67,13 +67,12 @@ def test_a_file_of_something_else_is_one_line(acx4, tmp_path, kind):
     assert not (tmp_path / "f").exists()
 
 
-@pytest.mark.parametrize("size", ["400", "400x0", "x", "4000000000x1", "-4x3"])
+@pytest.mark.parametrize("size", ["400", "400x0", "-4x3"])
 def test_a_size_is_width_and_height(acx4, tmp_path, size):
     (tmp_path / "a").write_text(LIST)
     options = ("--out", tmp_path / "f", "--pixel-um", "20", "--size", size)
     status, _, wrong = acx4("import", "bingo", tmp_path / "a", *options)
-    assert status == 2
-    assert "must be width x height in pixels, such as 4000x3000" in wrong
+    assert (status, "must be width x height in pixels, such as 4000x3000" in wrong) == (2, True)
 
 
 @pytest.mark.parametrize(
@@ -176,14 +175,6 @@ def test_a_folder_of_pictures_becomes_a_flight_that_is_checked(tmp_path, acx4):
     assert "# pictures of MicaSense RedEdge-T" in (flight / "import.md").read_text("utf-8")
 
 
-def test_a_broken_picture_is_one_line(tmp_path, acx4):
-    (tmp_path / "a.jpg").write_bytes(b"\xff\xd8\xff")
-    status, _, wrong = acx4("import", "pictures", tmp_path, "--out", tmp_path / "flight")
-    assert status == 2
-    assert "a.jpg:1: file: " in wrong
-    assert not (tmp_path / "flight").exists()
-
-
 def test_pictures_alone_turn_the_heads_and_become_a_stack(acx4, pictures, tmp_path):
     """The truth to a third of a pixel; the stated angles are a whole one off."""
     flight, results, images = (tmp_path / name for name in ("flight", "results", "images"))
@@ -234,13 +225,6 @@ def test_measurements_and_surveyed_points_are_added_to_a_new_flight(acx4, tmp_pa
     assert rows == ["point,east_m,north_m,height_m,role", "P 1,676000.0,7184000.0,900.5,check"]
 
 
-def test_a_heading_that_lacks_a_column_is_one_line(acx4, tmp_path):
-    (tmp_path / "a.txt").write_text("DATE : 1/6/2015\nimage point col\nA P 1\n")
-    status, _, wrong = acx4("import", "image-points", tmp_path / "a.txt", "--out", tmp_path / "f")
-    assert (status, wrong.count("\n")) == (2, 1)
-    assert "a.txt:2: columns: have no row; must be point image col row, in any order" in wrong
-
-
 # --- projects --------------------------------------------------------------------------------
 #
 # ``acx4 import metashape | colmap | opf`` from the command line, to a flight that is read.
@@ -257,13 +241,6 @@ def test_a_rig_of_metashape_becomes_a_flight_that_is_read(acx4, tmp_path):
     assert list(flight.cameras) == ["head 0", "head 1"]
 
 
-def test_a_project_of_opf_becomes_a_flight_that_is_read(acx4, tmp_path):
-    source, out = opf.write(tmp_path / "p"), tmp_path / "flight"
-    status, said, _ = acx4("import", "opf", source, "--block", "calibration", "--out", out)
-    assert (status, "still to do" in said) == (0, False)
-    assert len(read(out).calibration.images) == 8
-
-
 def test_a_model_of_colmap_says_what_is_missing(acx4, tmp_path):
     source, out = colmap.write_text(tmp_path / "m"), tmp_path / "flight"
     options = ("--crs", scene.CRS, "--orientations", "adjusted", "--block", "calibration")
@@ -272,16 +249,6 @@ def test_a_model_of_colmap_says_what_is_missing(acx4, tmp_path):
     assert "control_points.csv:1: file: is not there" in said
     assert "reprojected by the cameras as imported" in said
     assert "a boresight" in said or "the boresight" in said
-
-
-def test_a_wrong_source_is_one_line(acx4, tmp_path):
-    path = tmp_path / "c.xml"
-    path.write_text("<kml/>")
-    status, _, said = acx4("import", "metashape", path, "--out", tmp_path / "flight")
-    assert status == 2
-    assert said.count("\n") == 1
-    assert "c.xml:1: kml: is no file of Metashape" in said
-    assert not (tmp_path / "flight").exists()
 
 
 @pytest.mark.parametrize("kind", ["metashape", "opf"])

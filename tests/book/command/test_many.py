@@ -11,10 +11,8 @@ import pytest
 
 import acx4sim
 from acx4book.command import runs
-from acx4book.notebooks import runner
-from acx4files.results.provenance import EXECUTED
 from support.flights import planted
-from support.helpers import ROOT, hears_interrupts, write_notebook
+from support.helpers import ROOT, hears_interrupts
 
 COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]
 
@@ -39,7 +37,6 @@ def acx4(acx4):
     return run
 
 
-@pytest.mark.repeats
 def test_flights_are_lines_of_a_table_and_the_status_is_the_largest(acx4, flights, tmp_path):
     folder = tmp_path / "all"
     given = (*flights[:2], tmp_path / "nowhere", "--results", folder, "--jobs", 2)
@@ -124,24 +121,6 @@ def test_the_page_s_code_reads_the_tables(acx4, tmp_path, monkeypatch, capsys):
     assert namespace["two_step"].groupby("parameter").size()["lever_z_m"] == 2
     truth = json.loads((tmp_path / "monte_carlo/simulated/single-head-1.truth.json").read_text())
     assert focal.to_numpy() == pytest.approx(truth["cameras"]["CAM"]["f_mm"], abs=0.008)  # 5 sigma
-
-
-@pytest.mark.repeats
-@pytest.mark.slow
-def test_notebooks_are_run_where_they_are_asked_for(acx4, flights, tmp_path):
-    for name in runner.NOTEBOOKS.values():
-        write_notebook(
-            tmp_path / "own" / f"{name}.ipynb", "flight_path = ''\nresults_path = ''", "1 + 1"
-        )
-    folder = tmp_path / "all"
-    given = (flights[0], "--results", folder, "--jobs", 1, "--notebooks", tmp_path / "own")
-    assert acx4(*given)[0] == 0
-    executed = folder / "flight1" / EXECUTED
-    assert {path.stem for path in executed.iterdir()} == {
-        runner.NOTEBOOKS["flight"],
-        runner.NOTEBOOKS["mounting"],
-    }
-    assert acx4(*given)[1][-1].startswith("1 flights: 1 there already")
 
 
 @pytest.mark.slow

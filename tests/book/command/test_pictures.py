@@ -43,15 +43,6 @@ def test_a_flight_is_not_measured_into_itself(acx4, flight):
     assert err == f"{flight}: is the flight itself; choose another folder for the measured one\n"
 
 
-def test_no_height_of_the_ground_is_needed_where_pictures_overlap(acx4, flight, tmp_path):
-    own = shutil.copytree(flight, tmp_path / "own", copy_function=shutil.os.link)
-    (own / "control_points.csv").unlink()
-    shutil.rmtree(own / "validation")
-    status, _, err = acx4("measure", own, "--out", tmp_path / "out")
-    assert (status, err) == (0, "")
-    assert not len(read(tmp_path / "out").calibration.control)
-
-
 COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]
 WHOLE = {"E0.tif", "E0_preview.jpg", "E1.tif", "E1_preview.jpg", "images.csv"}
 
@@ -166,13 +157,6 @@ def test_a_wrong_option_is_said_and_nothing_is_made(
     assert not (tmp_path / "out").exists()
 
 
-def test_an_out_that_is_a_file_is_a_line(render_acx4, made, tmp_path):
-    (tmp_path / "out").write_text("a file")
-    status, _, err = render_acx4(made)
-    assert status == 2
-    assert err == [f"{tmp_path / 'out'}: is no folder; choose another name"]
-
-
 def limited():
     """Let no file grow beyond what one image needs, as if the disk were full."""
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
@@ -255,12 +239,6 @@ def test_a_jpeg_that_was_cut_in_half_is_one_line(acx4, pictured):
     picture.write_bytes(whole[: len(whole) // 2])
     status, _, wrong = acx4("check", flight)
     assert (status, wrong) == (2, f"{picture}: is cut off, its pixels have no end; copy it again\n")
-
-
-def test_what_follows_the_end_of_a_jpeg_is_no_fault(acx4, pictured):
-    flight, picture = pictured
-    picture.write_bytes(picture.read_bytes() + bytes(200_000))
-    assert acx4("check", flight)[0] == 0
 
 
 @pytest.mark.parametrize("kept", [0.5, 0.98])

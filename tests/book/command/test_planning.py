@@ -2,8 +2,6 @@
 
 import json
 import re
-import subprocess
-import sys
 
 import pandas as pd
 import pytest
@@ -24,18 +22,6 @@ def written(tmp_path):
         return path
 
     return write
-
-
-def test_help_loads_nothing_heavy_and_shows_a_strip():
-    code = (
-        "import contextlib, sys, acx4book.command.acx4\n"
-        "with contextlib.suppress(SystemExit):\n"
-        "    acx4book.command.acx4.main(['plan', '--help'])\n"
-        "assert not {'numpy', 'pandas', 'rich', 'acx4sim'} & set(sys.modules)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "low = {flying_height_m = 600, course_deg = 0, length_m = 900," in done.stdout
 
 
 def test_a_plan_is_predicted_on_the_screen_and_in_files(acx4, written, tmp_path):
@@ -98,12 +84,6 @@ def test_the_pages_hour_of_flying_wants_two_heights(acx4, tmp_path):
         table = pd.read_csv(out / "parameters.csv").set_index("parameter")["sigma"]
         sigma.append(table[["f_mm", "lever_z_m"]])
     assert (sigma[0] > 3 * sigma[1]).all()
-
-
-def test_the_search_over_targets_is_gone(acx4, written):
-    status, said, wrong = acx4("plan", written(), "--target=a.toml")
-    assert (status, said) == (2, "")
-    assert wrong.startswith("--target is gone; instead: leave strips out of a copy of the plan")
 
 
 # --- acx4 simulate of plans, and plans of its designs

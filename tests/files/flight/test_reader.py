@@ -21,7 +21,6 @@ from acx4files.flight.reader import from_tables, table_files
 from acx4files.flight.settings import Apriori, Synthetic, camera_of, camera_table, camera_toml
 from acx4files.flight.summary import summary
 from acx4lib.block import Block
-from acx4lib.calibration import mounting
 from acx4lib.errors import FlightError
 from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
 from acx4lib.geometry.collinearity import pinhole, refraction_lift, to_camera
@@ -32,7 +31,6 @@ from support import blocks
 from support.flights import written
 from support.flights.simulated import fly
 from support.flights.written import control_points, exposures, write_flight
-from support.helpers import flight_problems
 
 
 def residuals_px(block: Block) -> np.ndarray:
@@ -166,11 +164,6 @@ def test_the_smallest_angle_of_tie_points_is_that_of_the_file_or_two_degrees(tmp
     assert flight.read(tmp_path).calibration.smallest_angle == np.radians(2.0)
     append(tmp_path / "flight.toml", "[adjustment]\nsmallest_angle_deg = 0.5\n")
     assert_allclose(np.degrees(flight.read(tmp_path).calibration.smallest_angle), 0.5)
-    text = (tmp_path / "flight.toml").read_text()
-    (tmp_path / "flight.toml").write_text(text.replace("= 0.5\n", "= -1\nangle = 3\n"))
-    unknown, negative = flight_problems(tmp_path)
-    assert "adjustment.smallest_angle_deg: -1; must lie between 0 and 90" in unknown + negative
-    assert "adjustment.angle: unknown key" in unknown + negative
 
 
 def test_distances_are_read_where_there_are_some(tmp_path):
@@ -190,24 +183,6 @@ def test_distances_are_read_where_there_are_some(tmp_path):
     assert "calibration/distances.csv" in read.sha256
     assert Path("calibration/distances.csv") in table_files(read)
     assert "2, 12.500 to 12.502 m" in summary(read)
-
-
-def test_distances_that_are_none_are_named(tmp_path):
-    write_flight(tmp_path)
-    name = flight.read(tmp_path).calibration.points[0]
-    path = tmp_path / "calibration/distances.csv"
-    path.write_text(
-        f"point_a,point_b,distance_m,sigma_m\n{name},nowhere,1.0,0.1\n{name},{name},1.0,0.1\n"
-        f"{name},{name}x,-1.0,0\n"
-    )
-    lines = "\n".join(flight_problems(tmp_path))
-    assert "distances.csv:2: point_b: 'nowhere' is unknown" in lines
-    assert f"distances.csv:3: point_b: {name!r} again; must be another point" in lines
-    assert "distances.csv:4: distance_m: -1.0; must be positive" in lines
-    assert "distances.csv:4: sigma_m: 0; must be positive" in lines
-    path.write_text("point_a,point_b,distance_m\n")
-    (line,) = flight_problems(tmp_path)
-    assert line.endswith("distances.csv:1: sigma_m: missing in the header; required")
 
 
 def test_check_points_are_no_control_and_in_validation_all_are_check_points(tmp_path):
@@ -335,16 +310,6 @@ def test_a_laboratory_sigma_of_what_is_held_is_noted(tmp_path):
     assert note in flight.read(tmp_path).notes
 
 
-def test_one_thing_is_not_counted_in_the_plural(tmp_path):
-    write_flight(tmp_path)
-    table = tmp_path / "control_points.csv"
-    rows = pd.read_csv(table)
-    rows["role"] = ["check", *["control"] * (len(rows) - 1)]
-    rows.to_csv(table, index=False)
-    (said,) = [line for line in summary(flight.read(tmp_path)).splitlines() if "surveyed  " in line]
-    assert said.endswith(" control points, 1 check point")
-
-
 def test_images_with_too_few_points_to_orient_them_are_named(tmp_path):
     """One point leaves an image's orientation open: conditions of 1e17 came from it."""
     write_flight(tmp_path)
@@ -452,14 +417,6 @@ def test_a_block_without_surveyed_points_has_no_known_height(tmp_path):
     assert "  flying height  not known" in flight.summary(read)
 
 
-def test_a_hundred_thousand_measurements_are_read_like_any(tmp_path):
-    write_flight(tmp_path)
-    ties = "".join(f"E{i % 6}_CAM,T{i // 6},{i % 3999}.5,{i % 2999}.25\n" for i in range(100_000))
-    append(tmp_path / "calibration/image_points.csv", ties)
-    read = flight.read(tmp_path)
-    assert len(read.calibration.image_points) == 100_042
-
-
 EXACT = acx4sim.Options(image_noise=0, control_noise=0, gnss_noise=0, attitude_noise=0)
 
 
@@ -488,16 +445,6 @@ def true_camera(camera: Camera, truth: dict[str, float]) -> Camera:
     )
 
 
-def test_the_simulated_flight_has_the_images_of_section_3_2(tmp_path):
-    acx4sim.write(acx4sim.acx4_ideal(seed=2), tmp_path / "acx4")
-    read = flight.read(tmp_path / "acx4")
-    assert [len(block.images) for block in read.blocks.values()] == [4 * 31, 52, 268]
-    assert [len(set(block.images.strips)) for block in read.blocks.values()] == [4, 5, 20]
-    assert len(read.validation.check) == 36
-    assert len(read.validation.control) == 0
-    assert [note.split(":")[0] for note in read.notes] == ["calibration", "validation"]
-
-
 def test_a_session_has_a_date_and_a_temperature_where_they_are_written(tmp_path):
     write_flight(tmp_path)
     found = flight.read(tmp_path).session
@@ -512,16 +459,6 @@ def test_a_session_has_a_date_and_a_temperature_where_they_are_written(tmp_path)
         text.replace("= 2026-05-02\n", "= 2026-05-02T09:30:00Z\n")
     )
     assert str(flight.read(tmp_path).session.date) == "2026-05-02"
-
-
-def test_what_is_wrong_with_a_session_is_said(tmp_path):
-    write_flight(tmp_path)
-    wrong = '[session]\ndate = "2026-05-02"\ntemperature_c = 300\ntime = 3\n'
-    append(tmp_path / "flight.toml", wrong)
-    said = " ".join(flight_problems(tmp_path))
-    assert "session.date: '2026-05-02'; must be a date without quotes" in said
-    assert "session.temperature_c: 300; must lie between -100 and 100" in said
-    assert "session.time: unknown key" in said
 
 
 # --- Flights from tables in memory: the same as from files, and told as clearly when wrong
@@ -758,28 +695,6 @@ def test_a_control_point_that_lies_elsewhere_is_noted_with_its_row():
     assert any("'G4' (row 4)" in note for note in found.notes)
 
 
-# --- a block from arrays ---------------------------------------------------------------------
-
-
-def test_a_block_from_arrays_alone_is_calibrated_as_one_that_says_everything():
-    whole = blocks.balanced()
-    trajectory = whole.trajectory
-    short = type(whole)(
-        cameras=whole.cameras,
-        images=type(whole.images)(names=whole.images.names),
-        points=whole.points,
-        image_points=whole.image_points,
-        control=whole.control,
-        trajectory=replace(trajectory),
-    )
-    fits = [mounting.single_step(block, free=("f",)) for block in (whole, short)]
-    values = [fit.calibration.cameras[0].interior.f for fit in fits]
-    assert values[0] == values[1]
-
-
-# --- Checks of a flight: its settings, its tables, and what is set up of them
-
-
 # --- what is said of a CRS far from where it is meant for ------------------------------------
 
 
@@ -841,20 +756,6 @@ def test_degrees_in_the_place_of_metres_are_known():
     assert not reader.of_degrees(GridSystem(crs="+proj=utm +zone=33 +units=m"), *at)
 
 
-def test_a_trajectory_in_degrees_is_a_problem_of_its_first_row(tmp_path):
-    folder = write_flight(tmp_path / "flight")
-    path = folder / "calibration/trajectory.csv"
-    table = pd.read_csv(path)
-    table["east_m"], table["north_m"] = -49.31 + 0.001 * table.index, -25.41
-    table.to_csv(path, index=False)
-    found = flight_problems(folder)
-    assert any(
-        "trajectory.csv:2: east_m: -49.31, -25.41 (longitude, latitude in degrees?); must be "
-        "metres where EPSG:31982 is meant for" in line
-        for line in found
-    )
-
-
 # --- the table [certificate]: stated values are read, faults are lines with their cure -------
 
 
@@ -888,39 +789,6 @@ def test_what_is_stated_is_read_and_the_rest_is_empty(tmp_path):
     assert found.antenna_lever_m == (0.12, -0.03, 1.0)
     assert found.valid_until == dt.date(2028, 11, 22)
     assert (found.cameras["CAM"].maker, found.cameras["CAM"].serial) == ("Maker", "")
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("[certificate]\nserial = 'x'\n", "certificate.serial: unknown key"),
-        (
-            "[certificate]\nimu_serial = 4711\n",
-            "certificate.imu_serial: 4711; must be text in quotes",
-        ),
-        ("[certificate]\nnumber = ''\n", "certificate.number: ''; must be text in quotes"),
-        ("[certificate]\noperator = '=1+1'\n", "would be computed as a formula"),
-        ('[certificate]\noperator = "a\\u202Eb"\n', "holds the character U+202E"),
-        ("[certificate]\nvalid_until = '2028-11-22'\n", "must be a date without quotes"),
-        ("[certificate]\nvalid_until = 2028-11-22T10:00:00\n", "must be a date without quotes"),
-        (
-            "[certificate]\nantenna_lever_m = 1.2\n",
-            "must be a list of three numbers: x, y, z, in m",
-        ),
-        ("[certificate]\nantenna_lever_m = [0, 1, true]\n", "must be a list of three numbers"),
-        ("[certificate]\nantenna_lever_m = [0, 1, 1284]\n", "[0, 1, 1284]; must lie between"),
-        (
-            "[certificate.cameras.CAMM]\nserial = '1'\n",
-            "no camera of this name (did you mean 'CAM'?)",
-        ),
-        ("[certificate.cameras]\nCAM = 3\n", "certificate.cameras.CAM: 3; must be a table"),
-        ("[certificate.cameras.CAM]\nlens_serial = 3\n", "lens_serial: 3; must be text in quotes"),
-        ("[certificate.cameras.CAM]\nlense = 'x'\n", "unknown key (did you mean 'lens'?)"),
-    ],
-)
-def test_a_fault_is_one_line_that_says_what_it_must_be(tmp_path, text, says):
-    (line,) = flight_problems(stating(tmp_path, text))
-    assert says in line
 
 
 # --- cameras as flight.toml has them, there and back -----------------------------------------

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -12,7 +13,9 @@ import pytest
 from acx4files.flight import reader
 from acx4files.results import folder as results
 from acx4files.results import own_folder, provenance, whole_files
+from acx4files.results.read_back import read_calibration
 from acx4files.results.whole_files import file_stem
+from acx4lib.calibration.estimates import METHODS
 from acx4lib.errors import FlightError, OutputError
 from support.flights import written
 
@@ -253,6 +256,32 @@ def test_a_table_that_was_changed_by_hand_is_named(flight_path, tmp_path):
             use(tmp_path)
     provenance.begin(tmp_path, flight, results.STAGES)  # all are run again
     assert results.read(tmp_path).parameters.empty
+
+
+# --- results of the version before ----------------------------------------------------------------
+
+
+def test_results_of_the_version_before_are_read_and_gone_on_with(tmp_path):
+    """Of the small flight of `written`; they have provenance.json, and no digests of tables."""
+    folder = shutil.copytree(Path(__file__).parent / "version_1", tmp_path / "results")
+    run = provenance.read_run(folder)
+    assert set(run.found.summary) == {f"mounting/{m}" for m in METHODS}
+    assert run.provenance.stages["mounting"]["flight"] == provenance.identity(run.flight)["sha256"]
+    (camera,) = run.flight.calibration.cameras
+    for method in METHODS:
+        read_calibration(run.found, f"mounting/{method}", [camera])
+    counted = run.found.summary["mounting/single_step"]["n_observations"]
+    rows = results.rows(run.found, "residuals", "mounting/single_step")
+    assert len(rows) == counted
+    before = {path.name: path.read_bytes() for path in folder.glob("*.csv")}
+    write(reader.read(folder / "flight"), folder, 1.0, "validation")
+    after = {path.name: path.read_bytes() for path in folder.glob("*.csv")}
+    old, new = (files.pop("parameters.csv") for files in (before, after))
+    assert after == before
+    assert new.startswith(old)
+    assert results.is_whole(folder)
+    assert set(provenance.read_run(folder).provenance.stages) == {"mounting", "validation"}
+    assert not {path.name for path in folder.iterdir()} & {*results.EARLIER}
 
 
 # --- names become files below their folder ------------------------------------------------------

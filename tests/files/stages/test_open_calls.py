@@ -4,20 +4,21 @@ import pytest
 
 import acx4sim
 from acx4files import flight as flights
-from acx4files.conventions import Found
-from acx4files.results import folder
-from acx4files.stages import attempt, heads, mounting, order, rig, synthetic, validation
+from acx4files.stages import attempt, heads, mounting, rig, synthetic, validation
 from acx4lib.calibration.heads import calibrate_heads, relative_orientation
-from acx4lib.calibration.mounting import single_step, two_step, two_step_gnss
+from acx4lib.calibration.mounting import (
+    single_step,
+    together,
+    two_step,
+    two_step_gnss,
+    weighted,
+)
 from acx4lib.calibration.rig import calibrate as calibrate_rig
-from acx4lib.errors import AdjustmentError
 from acx4lib.georeferencing.validation import validate
 from acx4lib.synthetic_image.transferred_points import transfer
 from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.ties import refine_by_mean_differences, shared_points
 from support.flights import in_heads
-
-SAID = Found(name="pitch of opposite sign", quantity="attitude", given=0.61, found=0.006, unit="°")
 
 
 @pytest.fixture(scope="module")
@@ -69,14 +70,12 @@ def synthetic_by_hand(flight, results):
 def mounting_by_hand(flight, results):
     free, fix, gnss = flight.estimate_mounting, flight.fix, flight.gnss
     block = mounting.measured(flight, results)
-    block, factors = mounting.weighted(
-        flight, block, weights=flight.weights, free=free, fix=fix, gnss=gnss
-    )
+    block, factors = weighted(block, weights=flight.weights, free=free, fix=fix, gnss=gnss)
     single = attempt(single_step, block, free=free, fix=fix, gnss=gnss)
     two = attempt(two_step, block, free=free, fix=fix, after=single)
     with_gnss = attempt(two_step_gnss, block, free=free, fix=fix, after=single)
     found = [mounting.with_heads(flight, results, one) for one in (single, two, with_gnss)]
-    methods = mounting.gathered(flight, found)
+    methods = together(found)
     mounting.write(flight, results, methods, factors)
 
 
@@ -122,30 +121,3 @@ def test_open_calls_leave_the_bytes_of_a_run_of_a_single_head(alone, tmp_path):
     for stage in (mounting_by_hand, validation_by_hand):
         stage(alone, tmp_path / "by_hand")
     assert written(tmp_path / "by_hand") == written(tmp_path / "run")
-
-
-def failing(_block, **_settings):
-    raise AdjustmentError("no start")
-
-
-def test_methods_that_all_fail_are_explained_by_the_reading_that_fits(alone, monkeypatch):
-    monkeypatch.setattr(order.conventions, "best_reading", lambda _flight, _block: SAID)
-    failing.__name__ = "single_step"
-    failed = attempt(failing, alone.calibration, free=("f",))
-    with pytest.raises(AdjustmentError) as raised:
-        mounting.gathered(alone, [failed])
-    assert str(raised.value) == f"mounting/single_step: no start; {SAID.sentence}"
-
-
-def test_a_method_that_fails_beside_others_is_left_out_with_its_explanation(
-    alone, monkeypatch, tmp_path
-):
-    monkeypatch.setattr(order.conventions, "best_reading", lambda _flight, _block: SAID)
-    failing.__name__ = "single_step"
-    failed = attempt(failing, alone.calibration, free=("f",))
-    two = two_step(alone.calibration, free=alone.estimate_mounting, after=failed)
-    methods = mounting.gathered(alone, [failed, two])
-    assert list(methods.methods) == ["two_step"]
-    mounting.write(alone, tmp_path, methods, {})
-    entry = folder.read(tmp_path).summary["mounting/single_step"]
-    assert entry["not_determined"] == [f"mounting/single_step: no start; {SAID.sentence}"]

@@ -3,7 +3,6 @@
 import subprocess
 import sys
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,13 +10,12 @@ from numpy.testing import assert_allclose
 
 import acx4sim
 from acx4files import flight as flights
-from acx4files.conventions import Found
 from acx4files.results import folder, read_back
-from acx4files.results.adjustments import mounted_block, of_failure
+from acx4files.results.adjustments import mounted_block
 from acx4files.stages import heads, mounting, order, rig, synthetic, validation
 from acx4lib.block import select_cameras
 from acx4lib.calibration.estimates import reported_covariance
-from acx4lib.errors import AdjustmentError, FlightError
+from acx4lib.errors import FlightError
 from acx4lib.georeferencing.validation import validate
 from support.flights import in_heads
 from support.flights.simulated import HEADS
@@ -201,55 +199,3 @@ def test_the_stages_need_neither_the_book_nor_plotting():
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == ""
-
-
-# --- What stops or fails is explained by the reading of the flight that fits
-
-
-PITCH = Found(name="pitch of opposite sign", quantity="attitude", given=0.61, found=0.006, unit="°")
-SAID = "with pitch of opposite sign the residuals of attitude fall from 0.61° to 0.006°"
-
-
-@pytest.fixture(params=[PITCH, None], ids=["another fits", "none fits"])
-def best(request, monkeypatch):
-    monkeypatch.setattr(order.conventions, "best_reading", lambda _flight, _block: request.param)
-    return request.param
-
-
-def failed():
-    return of_failure("mounting", "single_step", "no start", summary_key="mounting/single_step")
-
-
-def test_an_adjustment_that_failed_says_which_reading_fits(best):
-    (record,) = order.explained([failed()], None, "calibration")
-    expected = f"no start; {SAID}" if best else "no start"
-    assert record.summary["mounting/single_step"]["not_determined"] == [expected]
-
-
-def test_what_only_is_not_determined_is_left_as_it_is(best):
-    entry = {**failed().summary["mounting/single_step"], "converged": True}
-    weak = replace(failed(), summary={"mounting/single_step": entry})
-    assert order.explained([weak], None, "calibration") == [weak]
-
-
-def test_an_error_that_ends_the_stage_does_as_well(best):
-    expected = f"no start; {SAID}" if best else "no start"
-    with pytest.raises(AdjustmentError) as raised, order.explaining(None, "calibration"):
-        raise AdjustmentError("no start")
-    assert str(raised.value) == expected
-
-
-def test_a_failure_of_linear_algebra_names_the_exposures_that_stand_out(exact_block):
-    trajectory = exact_block.trajectory
-    r = trajectory.T_m_b.r.copy()
-    r[2, 0] += 1e7
-    away = replace(trajectory, T_m_b=replace(trajectory.T_m_b, r=r))
-    block = replace(exact_block, trajectory=away)
-    flight = SimpleNamespace(block=lambda _name: block)
-    with pytest.raises(AdjustmentError) as raised, order.solving(flight, "calibration"):
-        np.linalg.inv(np.zeros((2, 2)))
-    assert str(raised.value) == (
-        f"the equations of block 'calibration', in which exposure {trajectory.exposures[2]} stand "
-        "out, cannot be solved (Singular matrix): one number is so far from the others that "
-        "nothing can be computed with both; look at coordinates, angles and sigma"
-    )

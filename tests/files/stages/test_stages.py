@@ -211,7 +211,7 @@ def refined(flight, folder, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def refinement(refined):
-    return refined[0].refinement
+    return refined[0]
 
 
 def test_results_of_the_heads_are_asked_for(flight, tmp_path):
@@ -243,11 +243,11 @@ def test_without_tie_points_the_refinement_is_left_out(flight, folder, tmp_path)
     alone = replace(block, image_points=block.image_points[rows])
     bare = replace(flight, blocks={"heads": alone})
     copy = shutil.copytree(folder, tmp_path / "results")
-    stage = synthetic.run(bare, copy)
+    refinement = synthetic.run(bare, copy)
     entry = results.read(copy).summary["synthetic/refined"]
     (reason,) = results.messages(entry, "left_out")
     assert reason.startswith("synthetic/refined: ")
-    assert list(stage.refinement.orientations) == ["before"]
+    assert list(refinement.orientations) == ["before"]
 
 
 # --- pictures of a flight are read, averaged and searched for tie points ---------------------

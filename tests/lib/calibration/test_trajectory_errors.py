@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import acx4sim
-from acx4book.report.markdown import parameter_title
+from acx4book.report.words import parameter_title
 from acx4files.results import adjustments, read_back
 from acx4files.results import folder as results
 from acx4lib.bundle.adjust import adjust, mounted_orientation

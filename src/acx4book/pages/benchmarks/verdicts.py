@@ -245,6 +245,31 @@ def _table(table: pd.DataFrame, caption: str, name: str) -> str:
     return myst_table(table, caption, name=f"tab-{name}")
 
 
+# --- values that are held ------------------------------------------------------------------------
+
+
+def held(flights: pd.DataFrame) -> str:
+    """State the verdicts on flights whose adjustments hold a wrong focal length.
+
+    Parameters
+    ----------
+    flights : DataFrame
+        A row for each flight: plan (``single-head`` or ``acx4``), size, mm, by which the focal
+        length of the mounting is off, holds, and the held values that are rejected.
+    """
+    one, four = (flights[flights["plan"] == name] for name in ("single-head", "acx4"))
+    first = one["rejected"].str.split().str[0] == "CAM/f_mm"
+    named = four["rejected"].str.count("/f_mm")
+    return (
+        f"Flights of the design *single-head* hold a focal length that is wrong by "
+        f"{one['size'].iloc[0]:g} mm. {_failed(one)} of {len(one)} reports do not hold, and "
+        f"{int(first.sum())} name the focal length first. The heads of *acx4* hold those of the "
+        f"paper, which only the lens and the heads' orientation take up: "
+        f"{len(four) - _failed(four)} of {len(four)} reports hold; {int((named == 4).sum())} name "
+        f"all four focal lengths, the others {int(named.min())} at least.\n"
+    )
+
+
 # --- errors that change slowly, taken for independent or not ------------------------------------
 
 

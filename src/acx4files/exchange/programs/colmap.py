@@ -41,7 +41,7 @@ from acx4files.exchange.project import (
     nowhere,
     require_names,
 )
-from acx4files.exchange.safe import LONGEST_LINE, Cursor, Line, Opened, refusal
+from acx4files.exchange.safe import Cursor, Line, Opened, refusal
 from acx4files.flight.problems import PIXELS, quoted
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.frames import Pose
@@ -392,9 +392,6 @@ def _pose(values: Array, wrong: Wrong) -> Pose:
 def _lines(source: Opened, *, cells: int = -1) -> Iterator[Line]:
     """Yield all lines but comments, blank ones too; after `cells` cells the rest is one."""
     for number, text in enumerate(source.text().split("\n"), start=1):
-        if len(text) > LONGEST_LINE:
-            count = f"has {len(text)} characters"
-            raise source.wrong("line", count, f"must have at most {LONGEST_LINE}", line=number)
         if not text.lstrip().startswith("#"):
             split = tuple(text.strip().split(maxsplit=cells))
             yield Line(file=source.file, number=number, cells=split)

@@ -60,7 +60,7 @@ from acx4files.exchange.project import (
     trajectory_in_grid,
     without_doubles,
 )
-from acx4files.exchange.safe import Element, Opened, Together
+from acx4files.exchange.safe import Element, Opened
 from acx4files.flight.problems import PIXELS, RANGES, Range, quoted
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.frames import Pose, transform
@@ -307,24 +307,23 @@ class _Chunk:
 
 def _chunk(source: Path) -> _Chunk:
     """Return the active chunk, or the first where none is named."""
-    files = Together()
-    file = files.read(source)
+    file = safe.read(source)
     if file.data[:2] == b"PK":
-        return _in_archive(file, files)
+        return _in_archive(file)
     root = safe.xml_tree(file)
     if root.tag == "document" and "path" in root.attributes:
-        return _of_project(file, root, files)
+        return _of_project(file, root)
     if root.tag == CALIBRATION:
         return _Chunk(root=root, frame=None, sources=(file,))
     if root.tag == "chunk":
-        return _whole(root, (file,), files)
+        return _whole(root, (file,))
     if root.tag != "document":
         raise root.wrong("is no file of Metashape", "must begin with <document> or <chunk>")
     chunks = list(root.each("chunk"))
     labels = [chunk.attributes.get("label", "") for chunk in chunks]
     if not chunks:
         raise root.wrong("has no <chunk>", "must have one")
-    return _whole(chunks[0], (file,), files, others=tuple(labels[1:]))
+    return _whole(chunks[0], (file,), others=tuple(labels[1:]))
 
 
 def _setting(chunk: _Chunk, name: str) -> float | None:
@@ -344,11 +343,11 @@ def _told(whole: _Chunk, work: Callable[[], T], element: Element | None = None) 
         raise (element or whole.root).wrong(message, "must be what a flight can have") from None
 
 
-def _of_project(file: Opened, root: Element, files: Together) -> _Chunk:
+def _of_project(file: Opened, root: Element) -> _Chunk:
     """Return a chunk of a .psx; it names an archive with the names of the chunks' archives."""
     folder = Path(file.file).parent
     name = root.attribute("path").replace("{projectname}", Path(file.file).stem)
-    project = _member(files.read(_inside(root, folder, name)), files)
+    project = safe.member(safe.read(_inside(root, folder, name)), DOCUMENT)
     document = safe.xml_tree(project)
     listed = list(document.each("chunks", "chunk"))
     within = (folder / name).parent
@@ -358,8 +357,7 @@ def _of_project(file: Opened, root: Element, files: Together) -> _Chunk:
         raise document.wrong("has no <chunk>", "must have one")
     wanted = ids.index(active) if active in ids else 0
     chunks = (
-        _in_archive(files.read(_inside(entry, within, entry.attribute("path"))), files)
-        for entry in listed
+        _in_archive(safe.read(_inside(entry, within, entry.attribute("path")))) for entry in listed
     )
     others = []
     for k, chunk in enumerate(chunks):  # of chunks that are not wanted the label alone is kept
@@ -370,30 +368,24 @@ def _of_project(file: Opened, root: Element, files: Together) -> _Chunk:
     return replace(selected, sources=(file, project, *selected.sources), others=tuple(others))
 
 
-def _in_archive(file: Opened, files: Together) -> _Chunk:
-    document = _member(file, files)
+def _in_archive(file: Opened) -> _Chunk:
+    document = safe.member(file, DOCUMENT)
     root = safe.xml_tree(document)
     if root.tag != "chunk":
         raise root.wrong("is no chunk", "must begin with <chunk>")
-    return _whole(root, (document,), files)
+    return _whole(root, (document,))
 
 
-def _whole(
-    root: Element, sources: tuple[Opened, ...], files: Together, *, others: tuple[str, ...] = ()
-) -> _Chunk:
+def _whole(root: Element, sources: tuple[Opened, ...], *, others: tuple[str, ...] = ()) -> _Chunk:
     """Return a chunk with its first frame, which may lie in an archive of its own."""
     frame = root.maybe("frames", "frame")
     if frame is not None and "path" in frame.attributes:
         # Below the chunk's archive; an archive's name ends with that of its member.
         folder = Path(sources[0].file.removesuffix(f"/{DOCUMENT}")).parent
         place = _inside(frame, folder, frame.attribute("path"))
-        document = _member(files.read(place), files)
+        document = safe.member(safe.read(place), DOCUMENT)
         frame, sources = safe.xml_tree(document), (*sources, document)
     return _Chunk(root=root, frame=frame, sources=sources, others=others)
-
-
-def _member(file: Opened, files: Together) -> Opened:
-    return files.add(safe.member(file, DOCUMENT))
 
 
 def _inside(element: Element, folder: Path, name: str) -> Path:

@@ -43,7 +43,7 @@ from acx4files.exchange.project import (
     in_crs,
     require_all_names,
 )
-from acx4files.exchange.safe import Element, Opened, Together
+from acx4files.exchange.safe import Element, Opened
 from acx4files.flight.problems import METRES, RANGES, Range, quoted
 from acx4lib.expected import Array
 from acx4lib.geometry.frames import Pose
@@ -299,13 +299,13 @@ class _Version:
 
 def _files_of(source: Path, version: _Version) -> _Files:
     """Return MicMac's files at a path: a folder, or one file."""
-    contents, files = _Files(), Together()
+    contents = _Files()
     paths = list(version.paths(source)) if source.is_dir() else [source]
     if len(paths) > MOST:
         many = f"has {len(paths)} XML files"
         raise safe.refusal(str(source), 1, "folder", many, f"must have at most {MOST}")
     for path in paths:
-        file = files.read(path)
+        file = safe.read(path)
         if version.keep(contents, path, safe.xml_tree(file)):
             contents.read.append(file)
         else:

@@ -49,7 +49,7 @@ from acx4files.exchange.project import (
     trajectory_in_grid,
     without_doubles,
 )
-from acx4files.exchange.safe import Node, Opened, Together, refusal
+from acx4files.exchange.safe import Node, Opened, refusal
 from acx4files.flight.problems import METRES, PIXELS, RANGES, Range, quoted
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
@@ -137,7 +137,7 @@ def project(
     marks, lost_marks = _marks(documents, rows)
     ties, lost_ties = Measured(), 0
     if documents.tracks is not None:
-        ties, lost_ties = _ties(documents.tracks, rows, documents.files)
+        ties, lost_ties = _ties(documents.tracks, rows)
     control, strange = _control(gcps, system)
     bias = documents.by_format.get("gps-bias") is not None
     others = ", ".join(dict.fromkeys(documents.others))
@@ -213,7 +213,7 @@ def read(
 class _Documents:
     """The documents of a project: the first of each format of `READ`, the tie points' glTF file.
 
-    `others` are formats that are not read, and second documents; `files` all that were read.
+    `others` are formats that are not read, and second documents.
     """
 
     name: str
@@ -222,7 +222,6 @@ class _Documents:
     others: list[str] = field(default_factory=list)
     tracks: Node | None = None
     sources: tuple[Opened, ...] = ()
-    files: Together = field(default_factory=Together)
 
 
 def _documents_of(source: Path) -> _Documents:
@@ -235,25 +234,23 @@ def _documents_of(source: Path) -> _Documents:
         if not listed:
             return _gathered(source)
         source = listed[0]
-    files = Together()
-    root = safe.json_tree(files.read(source))
+    root = safe.json_tree(safe.read(source))
     if _format(root) != PROJECT:
-        return _documents(source.stem, "OPF", [root], files)
-    return _of_items(source, root, files)
+        return _documents(source.stem, "OPF", [root])
+    return _of_items(source, root)
 
 
 def _gathered(folder: Path) -> _Documents:
     """Return the documents of a folder without a project."""
-    files = Together()
-    roots = [safe.json_tree(files.read(path)) for path in sorted(folder.glob("*.json"))]
+    roots = [safe.json_tree(safe.read(path)) for path in sorted(folder.glob("*.json"))]
     roots = [root for root in roots if _format(root, must=False)]
     if not roots:
         fault, expected = "has no file of OPF", "must have project.opf, or JSON files of OPF"
         raise refusal(str(folder), 1, "folder", fault, expected)
-    return _documents(folder.resolve().name, "OPF", roots, files)
+    return _documents(folder.resolve().name, "OPF", roots)
 
 
-def _of_items(path: Path, root: Node, files: Together) -> _Documents:
+def _of_items(path: Path, root: Node) -> _Documents:
     _require_version(root)
     roots: dict[Path, Node] = {}
     others, tracks = [], None
@@ -262,14 +259,14 @@ def _of_items(path: Path, root: Node, files: Together) -> _Documents:
         if kind == CALIBRATION and name == GLTF and tracks is None:
             place = _inside(resource.one("uri"), path.parent)
             if place.exists():
-                tracks = safe.json_tree(files.read(place))
+                tracks = safe.json_tree(safe.read(place))
                 continue
         if name.removeprefix(BEGIN).removesuffix(END) not in READ:
             others.append(name)
             continue
         place = _inside(resource.one("uri"), path.parent)
         if place not in roots:
-            roots[place] = safe.json_tree(files.read(place))
+            roots[place] = safe.json_tree(safe.read(place))
     generator = root.maybe("generator")
     program = "OPF"
     if generator is not None:
@@ -280,7 +277,7 @@ def _of_items(path: Path, root: Node, files: Together) -> _Documents:
         known = ", ".join(READ)
         raise root.one("items").wrong("has no file that is read", f"must have some of {known}")
     name = path.stem if title is None else title.text()
-    documents = _documents(name, program, [*roots.values()], files)
+    documents = _documents(name, program, [*roots.values()])
     documents.others += others
     documents.tracks = tracks
     documents.sources = (
@@ -298,7 +295,7 @@ def _resources(root: Node) -> Iterator[tuple[str, Node]]:
             yield item.one("type").text(), resource
 
 
-def _documents(name: str, program: str, roots: list[Node], files: Together) -> _Documents:
+def _documents(name: str, program: str, roots: list[Node]) -> _Documents:
     documents: dict[str, Node] = {}
     others = []
     for root in roots:
@@ -317,7 +314,6 @@ def _documents(name: str, program: str, roots: list[Node], files: Together) -> _
         by_format=documents,
         others=others,
         sources=tuple(root.source for root in documents.values()),
-        files=files,
     )
 
 
@@ -862,21 +858,16 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """From glTF's axes, y up, to those with z up."""
 
-SHARED = 4
-"""Largest number of times that the bytes of buffers are taken: meshes may share some of them."""
-
 COUNT_BITS = 40
 """Number of low bits of a range, below those with the number of its matches."""
 
 
 @dataclass(kw_only=True, eq=False)
 class _Scene:
-    """A glTF file, the buffers that were read, and the bytes of all arrays taken from them."""
+    """A glTF file, and the buffers that were read."""
 
     root: Node
-    files: Together
     buffers: dict[str, bytes] = field(default_factory=dict)
-    taken: int = 0
 
     def array(self, accessor: Node, *, width: int, kind: str) -> NDArray[Any]:
         """Return the values of an accessor, shape (n, width), of a kind of NumPy: "f" or "u"."""
@@ -891,23 +882,19 @@ class _Scene:
         size = n * width * np.dtype(layout).itemsize
         if begin < 0 or n < 0 or begin + size > len(data):
             raise node.wrong(f"{size} bytes from {begin} of {len(data)}", "must be complete")
-        self.taken += size
-        if self.taken > SHARED * sum(map(len, self.buffers.values())):
-            fault = "the same bytes of its buffers are taken again and again"
-            raise node.wrong(fault, f"must be taken {SHARED} times at most")
         values = np.frombuffer(data, dtype=layout, count=n * width, offset=begin)
         return values.reshape(n, width)
 
     def _buffer(self, uri: Node) -> bytes:
         if uri.text() not in self.buffers:
             folder = Path(self.root.source.file).parent
-            self.buffers[uri.text()] = self.files.read(_inside(uri, folder)).data
+            self.buffers[uri.text()] = safe.read(_inside(uri, folder)).data
         return self.buffers[uri.text()]
 
 
-def _ties(root: Node, rows: Mapping[str, int], files: Together) -> tuple[Measured, int]:
+def _ties(root: Node, rows: Mapping[str, int]) -> tuple[Measured, int]:
     """Return the measurements of tie points, a point once in each image, and how many are left."""
-    scene, parts, first, lost = _Scene(root=root, files=files), [], 0, 0
+    scene, parts, first, lost = _Scene(root=root), [], 0, 0
     for node in root.one("nodes").each():
         mesh = node.maybe("mesh")
         if mesh is None:

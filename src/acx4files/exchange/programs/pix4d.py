@@ -41,7 +41,7 @@ from acx4files.exchange.project import (
     numbered,
     require_all_names,
 )
-from acx4files.exchange.safe import Line, Opened, Together, refusal
+from acx4files.exchange.safe import Line, Opened, refusal
 from acx4files.flight.problems import METRES, PIXELS, RANGES, Range, quoted
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
@@ -110,7 +110,6 @@ class _Folder:
     """The files of a folder that are read, by the ends of their names."""
 
     path: Path
-    files: Together = field(default_factory=Together)
     read: list[Opened] = field(default_factory=list)
 
     def maybe(self, end: str) -> Opened | None:
@@ -121,7 +120,7 @@ class _Folder:
         if len(paths) > 1:
             fault = f"has {', '.join(path.name for path in paths)}"
             raise refusal(str(self.path), 1, "folder", fault, "must have the files of one project")
-        source = self.files.read(paths[0])
+        source = safe.read(paths[0])
         self.read.append(source)
         return source
 

@@ -18,14 +18,10 @@ from acx4files.exchange.trajectories import orientations
 from acx4files.exchange.trajectories.listed import Listed, position_of, read_list, text_said
 from acx4files.exchange.trajectories.orientations import Meaning
 from acx4files.flight.problems import Problem, Range, lines_of, quoted
-from acx4files.flight.table_files import free_memory
 from acx4files.flight.tables import SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry import frames
-
-SHARE_OF_MEMORY = 4
-"""A trajectory may take the free memory divided by this."""
 
 ROUNDED = 1.01
 """Of a gap: steps of 0.1 s are a little longer or shorter, as their times are rounded."""
@@ -81,13 +77,13 @@ def read(  # noqa: PLR0913 options of a command
         With file and line: where a file is cut off or no such file, time bases differ and no leap
         seconds are given, or an event lies outside the trajectory or in a gap.
     """
-    track = read_track(_opened(source))
-    listed = _read_events(safe.of_windows(_opened(events)), columns=columns, base=time)
+    track = read_track(safe.read(source))
+    listed = _read_events(safe.of_windows(safe.read(events)), columns=columns, base=time)
     if len(track.time) < 2:
         raise track.source.wrong("file", "has one record", "must have two at least")
     t = _on_clock(listed.stamps, track.time, ahead=_ahead(listed, time, leap_seconds))
     _refuse_outside(track, listed, t)
-    spread = read_deviations(_opened(smrmsg)) if smrmsg else None
+    spread = read_deviations(safe.read(smrmsg)) if smrmsg else None
     if spread is not None:
         _refuse_without_deviation(spread, listed, t)
     meaning = Meaning(crs=crs, heights="ellipsoidal" if heights is None else heights)
@@ -107,10 +103,6 @@ def read(  # noqa: PLR0913 options of a command
         found=_found(track, spread, t, off, speed),
         left_out=_left_out(spread, faithful=faithful, off=off),
     )
-
-
-def _opened(path: Path) -> safe.Opened:
-    return safe.read(path, most=free_memory() // SHARE_OF_MEMORY)
 
 
 def _ahead(listed: _Events, time: str, leap_seconds: float | None) -> float:

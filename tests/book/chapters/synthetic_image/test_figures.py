@@ -65,7 +65,7 @@ def test_each_step_brings_a_seam_nearer_to_what_is_blended(seamed):
 
 @pytest.fixture(scope="module")
 def refinement(refined):
-    return refined[0].refinement
+    return refined[0]
 
 
 def test_table_2_is_the_papers(flight):
@@ -76,7 +76,7 @@ def test_table_2_is_the_papers(flight):
 
 def test_coverage_is_that_of_the_printed_table_1(flight, refined):
     """0.00 / 69.2 / 28.7 / 0.4 / 1.7 per cent with eq. (6) as printed."""
-    heads = {"ours": refined[0].orientation, **tables.printed_heads(flight)}
+    heads = {"ours": refined[0].before, **tables.printed_heads(flight)}
     ours, printed = (100 * coverage(one, flight.synthetic_camera).share for one in heads.values())
     assert np.allclose(printed, [0.0, 69.2, 28.7, 0.4, 1.7], atol=0.3)
     assert np.allclose(ours, printed, atol=0.5)

@@ -150,6 +150,17 @@ def test_on_the_stored_flights_declared_errors_pass_and_undeclared_ones_are_foun
     assert failed.loc["not declared", "sum"] > 48
 
 
+def test_a_wrong_focal_length_that_is_held_fails_and_is_named_first():
+    flown = pd.read_csv(BENCHMARKS / "held_values.csv").set_index("plan")
+    assert (flown.loc["single-head", "holds"] == 0).all()
+    assert (flown.loc["single-head", "rejected"].str.split().str[0] == "CAM/f_mm").all()
+    heads = flown.loc["acx4"]
+    assert heads["holds"].mean() > 0.8
+    assert (heads["rejected"].str.count("/f_mm") >= 3).all()
+    said = verdicts.held(flown.reset_index())
+    assert "6 of 6 reports do not hold, and 6 name the focal length first" in said
+
+
 # --- the page on speed says what the benchmark's file holds ------------------------------------
 
 

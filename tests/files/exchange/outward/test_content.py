@@ -253,7 +253,7 @@ FAR = Taken(
 
 def test_a_folder_of_others_is_left_alone(tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
-    with pytest.raises(OutputError, match="holds what acx4 export did not write"):
+    with pytest.raises(OutputError, match="holds files that acx4 did not write"):
         content.write(FAR, tmp_path, title="some", origin="x")
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
