@@ -324,7 +324,7 @@ def plain():
     return Landscape(country=COUNTRY)
 
 
-VILLAGE, LAKE = (-470.0, 250.0), (1213.0, -871.0)
+VILLAGE = (-470.0, 250.0)
 
 
 @pytest.mark.parametrize("place", [VILLAGE, (150.0, -80.0), (20.0, -380.0)])
