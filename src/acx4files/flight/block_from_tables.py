@@ -17,7 +17,7 @@ from acx4files.flight.problems import ABSENT, NO_ROWS, RANGES, Problem
 from acx4files.flight.settings import Setup
 from acx4files.flight.table_files import read_columns
 from acx4files.flight.tables import SCHEMAS, SIGMA_ATTITUDE, SIGMA_POSITION, Table
-from acx4lib.block import Block, Distances, ImagePoints, Images, SurveyedPoints, Trajectory
+from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame, mean_origin
@@ -185,18 +185,6 @@ def assemble(tables: BlockTables, setup: Setup) -> Block:
         check=surveyed[is_check],
         trajectory=trajectory,
         smallest_angle=setup.smallest_angle,
-        distances=_distances(tables.distances, points),
-    )
-
-
-def _distances(table: Table | None, points: Sequence[str]) -> Distances:
-    if table is None:
-        return Distances()
-    ends = [index_of(table.text[end], points) for end in ("point_a", "point_b")]
-    return Distances(
-        point_idx=np.stack(ends, axis=1),
-        distance_m=table.numbers["distance_m"],
-        sigma_m=table.numbers["sigma_m"],
     )
 
 

@@ -110,6 +110,11 @@ def quoted(value: object) -> str:
     return text if len(text) <= QUOTED else f"{text[:QUOTED]}…"
 
 
+def kind_of(value: object) -> str:
+    """Return what a value is, such as "a list"."""
+    return "None" if value is None else f"a {type(value).__name__}"
+
+
 def did_you_mean(name: object, known: Collection[str]) -> str:
     """Return " (did you mean 'x'?)", or nothing where no known name is close."""
     if not isinstance(name, str) or not 0 < len(name) <= QUOTED or len(known) > MANY:

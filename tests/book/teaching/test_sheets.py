@@ -14,10 +14,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, ttest_1samp
 
-from acx4book.notebooks import runner, simulated
+from acx4book.notebooks import runner
 from acx4book.planning import design as designs
 from acx4book.planning import plan as plans
-from acx4book.planning.flown import flying_time_s
+from acx4book.planning.flown import flying_time_s, simulate
 from acx4book.teaching import flights, grading, handed_in
 from acx4book.teaching.grading import graded
 from acx4book.teaching.sheets import calibrations, images
@@ -339,7 +339,7 @@ def test_a_student_who_plans_flies_and_adjusts_has_all_points(key, tmp_path, sol
     assert {*wanted} == {"f_mm", "lever_z_m", "boresight_kappa_deg"}
     found, minutes = shortest(plan, wanted)
     seed = int(given.partition("--seed ")[2].split("`")[0])
-    flown = simulated.simulate(found, seed=seed, options=Options())
+    flown = simulate(found, seed=seed, options=Options())
     case = flights.case_of(flown)
     estimates = single_step(case.block, free=case.flight.estimate_mounting).calibration
     _, right = solved("lab-9", "Ada")

@@ -8,6 +8,7 @@ import shutil
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -296,6 +297,10 @@ def test_a_flight_of_the_version_before_is_read(tmp_path):
     read = flight.read(tmp_path)
     assert (read.refraction, read.simulated, read.gnss) == ("standard", True, ("shift", "drift"))
     assert read.estimate_mounting == ("f", "xp", "yp", "k1", "b1")
-    assert read.apriori.gnss_correlated_share == 0.9
+    assert (read.estimate_heads, read.fix, read.weights) == (("xp", "yp"), ("lever_arm",), "given")
+    assert (str(read.session.date), read.session.temperature_c) == ("2026-05-02", 12.5)
+    assert np.degrees(read.calibration.smallest_angle) == pytest.approx(1.0)
+    assert read.calibration.trajectory.time_s.tolist() == [*range(6)]
+    assert read.calibration.trajectory.slow_positions.share == 0.9
     assert read.cameras["CAM"].prior.interior[0] == 0.02
     assert read.certificate.cameras["CAM"].serial == "4711"
