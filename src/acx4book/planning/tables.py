@@ -303,7 +303,6 @@ SAID = {
     "lever_arm": "surveyed lever arm",
     "boresight": "declared boresight",
     "interior": "declared interior orientation",
-    "distance": "distances",
 }
 """Names of the groups of observations."""
 

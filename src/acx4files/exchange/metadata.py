@@ -172,7 +172,7 @@ def read(path: Path) -> Tags:
 
 def _of_tiff(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], bytes]:
     """Return size, tags and XMP of a TIFF's first image."""
-    with _opened(data) as tiff:
+    with tifffile.TiffFile(io.BytesIO(data)) as tiff:
         page, end = tiff.pages.first, tiff_files.end_of_pixels(tiff)
         if end > len(data):
             raise ValueError(f"is cut off: it has {len(data)} bytes of at least {end}")
@@ -181,14 +181,6 @@ def _of_tiff(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], by
         size = page.imagewidth, page.imagelength, page.samplesperpixel, page.bitspersample
         packet = packet.encode() if isinstance(packet, str) else bytes(packet)
         return (int(size[0]), int(size[1]), int(size[2]), int(size[3])), _flat(page), packet
-
-
-def _opened(data: bytes) -> tifffile.TiffFile:
-    """Return a TIFF, or the EXIF of a JPEG, whose tags take no more memory than it has bytes."""
-    fault = tiff_files.fault(io.BytesIO(data), len(data), below=True)
-    if fault:
-        raise ValueError(fault)
-    return tiff_files.opened(io.BytesIO(data))
 
 
 def _flat(page: Any) -> dict[str, Any]:
@@ -208,7 +200,7 @@ def _of_jpeg(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], by
             bits, height, width, samples = struct.unpack(">BHHB", part[:6])
             size = (width, height, samples, bits)
         elif marker == _APP1 and part.startswith(_EXIF_HEADER) and not exif:
-            with _opened(part[len(_EXIF_HEADER) :]) as tiff:
+            with tifffile.TiffFile(io.BytesIO(part[len(_EXIF_HEADER) :])) as tiff:
                 exif = _flat(tiff.pages.first)
         elif marker == _APP1 and part.startswith(_XMP_HEADER) and not packet:
             packet = part[len(_XMP_HEADER) :]

@@ -35,7 +35,6 @@ from acx4files.exchange.options import Allow, Crs, Option
 from acx4files.exchange.safe import Opened, refusal
 from acx4files.flight.problems import quoted
 from acx4files.flight.settings import LEVER, camera_table
-from acx4files.images import image_files
 from acx4files.images import tiff as tiff_files
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
@@ -806,7 +805,7 @@ def _votes(taken: Sequence[Taken], both: Both, other: Sequence[int]) -> tuple[in
     for k in pairs[:: max(len(pairs) // PAIRS, 1)][:PAIRS]:
         (a, (lat, lon, _)), (b, (next_lat, next_lon, _)) = taken[k : k + 2]
         step = next_lat - lat, (next_lon - lon) * np.cos(np.radians(lat))
-        by_pictures = _heading_by(a.path, b.path, step, (a.width_px, a.height_px))
+        by_pictures = _heading_by(a.path, b.path, step)
         if by_pictures is not None:
             off = [_apart(by_pictures, heading) for heading in both[k]]
             if min(off) < ANOTHER_COURSE_DEG:
@@ -819,14 +818,12 @@ def _is_straight(first: tuple[float, float], second: tuple[float, float]) -> boo
     return max(_apart(a, b) for a, b in zip(first, second, strict=True)) < ANOTHER_COURSE_DEG / 2
 
 
-def _heading_by(
-    first: Path, second: Path, step: tuple[float, float], size: tuple[int, int]
-) -> float | None:
+def _heading_by(first: Path, second: Path, step: tuple[float, float]) -> float | None:
     """Return the heading of the top of two vertical pictures, taken one after the other.
 
     What is on the ground moves through the picture against the way of the camera.
     """
-    grey = [picture for path in (first, second) if (picture := _grey(path, size)) is not None]
+    grey = [picture for path in (first, second) if (picture := _grey(path)) is not None]
     if len(grey) < 2:
         return None
     sift = cv2.SIFT.create(nfeatures=3000, contrastThreshold=0.02)
@@ -852,14 +849,10 @@ def _heading_by(
     return float(way % 360.0)
 
 
-def _grey(path: Path, size: tuple[int, int]) -> Array | None:
+def _grey(path: Path) -> Array | None:
     """Return a picture in 8 bit, at most `SIDE` px long; None where it cannot be unpacked."""
-    data = safe.read(path).data
-    n = size[0] * size[1]
-    if image_files.fault(n, len(data), 8 * n):
-        return None
     try:
-        picture = _pixels(data)
+        picture = _pixels(safe.read(path).data)
     except (*BROKEN, cv2.error):
         return None
     share = min(1.0, SIDE / max(picture.shape))

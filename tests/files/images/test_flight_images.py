@@ -1,9 +1,7 @@
 """Synthetic images of a flight as files: right, made again only where needed, despite bad files."""
 
 import json
-import multiprocessing
 import shutil
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -123,7 +121,7 @@ def test_what_depends_on_a_changed_file_or_option_is_rendered_again(rendered, ow
     rendered(of=own)
     _, other = rendered(of=own, options=RenderOptions(feather_px=80.0))
     assert other.rendered == ("E0", "E1")
-    options = RenderOptions(equalise="image")
+    options = RenderOptions(equalise="none")
     rendered(of=own, options=options)
     path = pictured.head_path(own[0], "E1", "LEFT")
     tifffile.imwrite(path, tifffile.imread(path) + 100, photometric="rgb")  # of the same size
@@ -199,46 +197,6 @@ def test_a_refined_orientation_goes_before_the_other(rendered, own):
     )
     _, report = rendered(of=own)
     assert report.notes[0] == f"heads as {own[1]} has them, synthetic/refined"
-
-
-@pytest.mark.slow
-def test_heads_refined_by_each_images_tie_points_fit_better(rendered, own):
-    """With RIGHT turned by 0.02 degrees about its axis, some px at its border."""
-    wrong = pictured.orientation()
-    wrong.opk[1, 2] += np.radians(0.2)
-    adjustments.write(
-        own[1],
-        "synthetic",
-        [adjustments.of_relative_orientation("synthetic", "refined", wrong)],
-        flight=flights.read(own[0]),
-    )
-    rms = {}
-    for refine in ("flight", "image"):
-        folder, report = rendered(of=own, options=RenderOptions(refine=refine))
-        assert report.problems == ()
-        d = misfit(image(folder, "E0"), pictured.scene(1))
-        rms[refine] = np.sqrt(np.mean(d**2))
-    assert rms["image"] < 0.3 * rms["flight"]
-
-
-@pytest.mark.slow
-def test_two_processes_render_the_same_bytes(rendered, made, tmp_path):
-    folder, _ = rendered()
-    told = []
-    spawned = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(2, mp_context=spawned) as pool:
-        report = render_flight(
-            flights.read(made[0]),
-            made[1],
-            tmp_path / "two",
-            executor=pool,
-            threads=1,
-            tell=lambda *said: told.append(said),
-        )
-    assert sorted(report.rendered) == ["E0", "E1"]
-    for name in ("E0.tif", "E1.tif", "images.csv"):
-        assert (tmp_path / "two" / name).read_bytes() == (folder / name).read_bytes()
-    assert {name for name, done, total in told if done == total} == {"E0", "E1"}
 
 
 # --- heads as bands of one image, in stripes -------------------------------------------------
