@@ -40,6 +40,8 @@ class Track:
         East, north, height, m.
     R_enu_b : Rotation
         Attitudes, body to local east, north, up.
+    places : ndarray, shape (n, 3)
+        Forward, left and up in the block's axes, m, where it is planned.
     """
 
     exposure: list[str]
@@ -47,6 +49,7 @@ class Track:
     time_s: Array
     x_g: Array
     R_enu_b: Rotation
+    places: Array
 
 
 def stream(seed: int, *purpose: str) -> np.random.Generator:
@@ -61,7 +64,12 @@ def fly(plan: Plan, block: BlockPlan, rng: np.random.Generator) -> Track:
     late by as much, so that velocities are those of the positions.
     """
     grid = Grid(crs=plan.crs)
-    places, rph_deg, late_s = scattered(block, rng)
+    if block.motion is None:
+        motions = [_drawn(strip.n, rng) for strip in block.strips]
+    else:
+        motions = np.split(block.motion, np.cumsum([strip.n for strip in block.strips])[:-1])
+    parts = [_fly_strip(strip, m) for strip, m in zip(block.strips, motions, strict=True)]
+    places, rph_deg, late_s = (np.concatenate(part) for part in zip(*parts, strict=True))
     rph = np.radians(rph_deg)
     en = grid_from_field(block, places[:, :2])
     x_g = np.column_stack([en, places[:, 2] + plan.ground_m])
@@ -80,26 +88,8 @@ def fly(plan: Plan, block: BlockPlan, rng: np.random.Generator) -> Track:
         time_s=_times(block) + late_s,
         x_g=x_g,
         R_enu_b=attitude_from_rph(rph),
+        places=places,
     )
-
-
-def scattered(block: BlockPlan, rng: np.random.Generator) -> tuple[Array, Array, Array]:
-    """Return where the exposures of a block are: as planned, but for wind and turbulence.
-
-    Returns
-    -------
-    places, rph_deg : ndarray, shape (n, 3)
-        Forward, left and up in the block's axes, m; roll, pitch, and heading from its azimuth.
-    late_s : ndarray, shape (n,)
-        Delays of the exposures.
-    """
-    if block.motion is None:
-        motions = [_drawn(strip.n, rng) for strip in block.strips]
-    else:
-        motions = np.split(block.motion, np.cumsum([strip.n for strip in block.strips])[:-1])
-    parts = [_fly_strip(strip, m) for strip, m in zip(block.strips, motions, strict=True)]
-    places, rph_deg, late_s = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return places, rph_deg, late_s
 
 
 def _drawn(n: int, rng: np.random.Generator) -> Array:

@@ -356,10 +356,10 @@ def head_images(
         Seed of the flight, for responses and noise.
     """
     ground = Tiles(ground=ground)
-    return {name: camera_image(at, name, ground, reduce=reduce, seed=seed) for name in at.cameras}
+    return {name: _camera_image(at, name, ground, reduce=reduce, seed=seed) for name in at.cameras}
 
 
-def camera_image(
+def _camera_image(
     at: Station,
     name: str,
     ground: Ground,
@@ -493,7 +493,7 @@ def take(ordered: Photography, folder: Path, tell: Tell) -> None:
                 raise _StoppedError
             tell(Path(path).stem, done, total)
 
-        pixels = camera_image(
+        pixels = _camera_image(
             at,
             camera,
             replace(tiles, ground=grounds[at.block]),
@@ -582,6 +582,7 @@ def _station(plan: Plan, name: str, track: Track, i: int) -> Station:
         time_s=track.time_s[i : i + 1],
         x_g=track.x_g[i : i + 1],
         R_enu_b=track.R_enu_b[i : i + 1],
+        places=track.places[i : i + 1],
     )
     llh = Grid(crs=plan.crs).geodetic_from_grid(marks_g)
     return Station(

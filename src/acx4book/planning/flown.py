@@ -24,7 +24,7 @@ from acx4lib.geometry.frames import opk_from_rotation
 from acx4sim import plan as designs
 from acx4sim.earth import RELIEF_M, Array
 from acx4sim.files import SimulatedFlight, simulate_plan
-from acx4sim.fly import fly, ground_points, look, scattered
+from acx4sim.fly import fly, ground_points, look
 from acx4sim.optics import Camera
 from acx4sim.plan import BlockPlan, Noise, Options, SlowErrors
 
@@ -184,9 +184,8 @@ def tie_places(plan: Plan) -> dict[str, Array]:
 def _tie_places(plan: Plan, flown_plan: designs.Plan, name: str) -> Array:
     block, wanted = flown_plan.blocks[name], plan.blocks[name].tie_points
     deciding = (block.frame,) if block.frame else block.cameras
-    rng = np.random.default_rng(0)  # of no use in an even wind
-    track = fly(flown_plan, block, rng)
-    low, high = _tie_area(plan, name, scattered(block, rng)[0])
+    track = fly(flown_plan, block, np.random.default_rng(0))  # the even wind draws nothing
+    low, high = _tie_area(plan, name, track.places)
     n_good = np.zeros(len(deciding), dtype=int)
     for batch in range(MOST_BATCHES):
         places = low + (high - low) * plans.evenly(wanted, first=1 + batch * wanted)
