@@ -49,15 +49,12 @@ class FlightFiles:
         By exposure, in the order of the flight.
     incomplete : dict of str to str
         What is missing, for exposures where only some heads have a file.
-    meant : dict of str to tuple of str
-        By a plain name or ``block/name``, the exposures that it may mean.
     tables : tuple of Path
         Tables with the names of the files.
     """
 
     complete: dict[str, HeadFiles]
     incomplete: dict[str, str]
-    meant: dict[str, tuple[str, ...]]
     tables: tuple[Path, ...]
 
     def chosen(self, names: Sequence[str] | None) -> list[str]:
@@ -72,24 +69,20 @@ class FlightFiles:
             if not self.complete:
                 raise FlightError(list(self.incomplete.values()))
             return list(self.complete)
-        problems = [
-            f"exposure {name}: there are {len(self.meant[name])} of this name; say "
-            f"{' or '.join(self.meant[name])}"
-            for name in names
-            if len(self.meant.get(name, ())) > 1
-        ]
-        unknown = [name for name in dict.fromkeys(names) if name not in self.meant]
-        problems += [self._unknown(unknown)] if unknown else []
+        known, problems = [*self.complete, *self.incomplete], []
+        for name in dict.fromkeys(names):
+            if name in known:
+                continue
+            if alike := [one for one in known if one.endswith(f"/{name}")]:
+                which = f"there are {len(alike)} of this name; say {' or '.join(alike)}"
+                problems.append(f"exposure {name}: {which}")
+            else:
+                first = ", ".join([*self.complete][:5]) + (", …" if len(self.complete) > 5 else "")
+                says = f"no files of an exposure {name}; complete are {first or 'none'}"
+                problems.append(f"{', '.join(map(str, self.tables))}: {says}")
         if problems:
             raise FlightError(problems)
-        return list(dict.fromkeys(self.meant[name][0] for name in names))
-
-    def _unknown(self, names: Sequence[str]) -> str:
-        known = [*self.complete][:5] + (["…"] if len(self.complete) > 5 else [])
-        return (
-            f"{', '.join(map(str, self.tables))}: no files of an exposure {', '.join(names)}; "
-            f"complete are {', '.join(known) or 'none'}"
-        )
+        return list(dict.fromkeys(names))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -131,22 +124,17 @@ def flight_files(flight: Flight, heads: Sequence[str]) -> FlightFiles:
         name for name in ("heads", *flight.transferred) if any(flight.image_files.get(name, ()))
     ]
     by_block = {name: head_files(flight, heads, block=name) for name in named or ("heads",)}
-    full = [f"{block}/{e}" for block, parts in by_block.items() for part in parts for e in part]
-    times = Counter(name.partition("/")[2] for name in full)
+    times = Counter(name for parts in by_block.values() for part in parts for name in part)
     complete, incomplete = {}, {}
-    meant: dict[str, tuple[str, ...]] = {}
     for block, (files, missing) in by_block.items():
         for exposure in (*files, *missing):
-            is_clear = times[exposure] == 1 and exposure not in full
-            label = exposure if is_clear else f"{block}/{exposure}"
-            for alias in (exposure, f"{block}/{exposure}"):
-                meant[alias] = (*meant.get(alias, ()), label)
+            label = exposure if times[exposure] == 1 else f"{block}/{exposure}"
             if exposure in files:
                 complete[label] = replace(files[exposure], exposure=label)
             else:
                 incomplete[label] = missing[exposure]
     tables = tuple(_table(flight, block) for block in by_block)
-    return FlightFiles(complete=complete, incomplete=incomplete, meant=meant, tables=tables)
+    return FlightFiles(complete=complete, incomplete=incomplete, tables=tables)
 
 
 def _table(flight: Flight, block: str) -> Path:
@@ -178,8 +166,15 @@ def head_files(
     FlightError
         Where no image of a head has a file.
     """
-    table = _table(flight, block)
-    by_exposure = _files_by_exposure(flight, heads, block)
+    table, inside = _table(flight, block), flight.pictures.resolve()
+    by_exposure: dict[str, dict[str, Path]] = {}
+    for i, path in enumerate(flight.image_files.get(block, ())):
+        taken = flight.blocks[block]
+        camera = taken.cameras[taken.images.camera_idx[i]].name
+        if path is not None and camera in heads:
+            exposure = taken.trajectory.exposures[taken.images.exposure_idx[i]]
+            named = flight.pictures / path.relative_to(inside)
+            by_exposure.setdefault(exposure, {})[camera] = named
     if not by_exposure:
         raise FlightError([f"{table}: names no files of head images; {MAKE_FILES}"])
     complete, incomplete = {}, {}
@@ -194,25 +189,6 @@ def head_files(
             paths = tuple(files[name] for name in heads)
             complete[exposure] = HeadFiles(exposure=exposure, paths=paths)
     return complete, incomplete
-
-
-def _files_by_exposure(
-    flight: Flight, heads: Sequence[str], name: str
-) -> dict[str, dict[str, Path]]:
-    """Return the existing files of heads by exposure and camera."""
-    by_exposure: dict[str, dict[str, Path]] = {}
-    if name not in flight.blocks:
-        return by_exposure
-    block, inside = flight.blocks[name], flight.pictures.resolve()
-    images = block.images
-    for i, path in enumerate(flight.image_files[name]):
-        camera = block.cameras[images.camera_idx[i]].name
-        if path is not None and camera in heads:
-            exposure = block.trajectory.exposures[images.exposure_idx[i]]
-            by_exposure.setdefault(exposure, {})[camera] = flight.pictures / path.relative_to(
-                inside
-            )
-    return by_exposure
 
 
 def read_heads(paths: Sequence[Path], cameras: Sequence[Camera]) -> HeadImages:

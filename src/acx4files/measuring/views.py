@@ -158,10 +158,11 @@ def _decoded(path: Path, camera: Camera) -> Raster:
     if not path.is_file():
         raise FlightError([f"{path}: there is no such file"])
     data = path.read_bytes()
-    if not is_whole(data):
+    is_picture = data.startswith((b"\xff\xd8", b"\x89PNG"))
+    if is_picture and not is_whole(data):
         raise FlightError([f"{path}: is cut off, its pixels have no end; copy it again"])
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if is_picture else None
     if image is None:
         raise FlightError([f"{path}: is damaged, its pixels cannot be decoded; copy it again"])
     rows, cols = image.shape

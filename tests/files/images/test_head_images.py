@@ -6,7 +6,7 @@ import pytest
 import tifffile
 
 from acx4files import flight as flights
-from acx4files.images.head_images import head_files, read_heads
+from acx4files.images.head_images import FlightFiles, HeadFiles, head_files, read_heads
 from acx4lib.errors import FlightError
 from acx4lib.synthetic_image.head_map import mapped_file
 from support.flights import pictured
@@ -54,6 +54,19 @@ def test_a_missing_head_is_named(folder):
         "E1": f"{folder}/heads/images.csv: exposure E1: no file for RIGHT; an exposure is "
         "rendered from all of LEFT, RIGHT"
     }
+
+
+def test_exposures_are_chosen_by_name_and_by_block_where_two_have_it():
+    files = {name: HeadFiles(exposure=name, paths=()) for name in ("E0", "heads/E1", "other/E1")}
+    known = FlightFiles(complete=files, incomplete={"E2": "no file"}, tables=("images.csv",))
+    assert known.chosen(None) == list(files)
+    assert known.chosen(["other/E1", "E2", "E0", "E0"]) == ["other/E1", "E2", "E0"]
+    with pytest.raises(FlightError) as error:
+        known.chosen(["E1", "E7"])
+    assert error.value.problems == (
+        "exposure E1: there are 2 of this name; say heads/E1 or other/E1",
+        "images.csv: no files of an exposure E7; complete are E0, heads/E1, other/E1",
+    )
 
 
 def test_heads_are_read_with_their_reduction_and_can_be_forgotten(folder):

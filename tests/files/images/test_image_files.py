@@ -75,49 +75,85 @@ def test_separate_bands_are_put_together(tmp_path, rng, bands, compression):
     np.testing.assert_array_equal(image_from_file(path, CAMERA).image, image)
 
 
+def test_jpeg_within_a_tiff_is_decoded_to_rgb(tmp_path):
+    image = np.full((90, 120, 3), (200, 100, 50), np.uint8)
+    path = write(tmp_path / "x.tif", image, compression="jpeg", rowsperstrip=30)
+    np.testing.assert_allclose(image_from_file(path, CAMERA).image, image, atol=2)
+
+
+def test_overviews_are_no_images_of_their_own(tmp_path, rng):
+    image = picture(rng)
+    with tifffile.TiffWriter(tmp_path / "x.tif") as tiff:
+        tiff.write(image, photometric="rgb", metadata=None)
+        tiff.write(image[::2, ::2], photometric="rgb", subfiletype=1, metadata=None)
+    np.testing.assert_array_equal(image_from_file(tmp_path / "x.tif", CAMERA).image, image)
+
+
 @pytest.mark.parametrize("k", [1, 2, 7])
 def test_an_image_at_a_whole_part_of_the_size_says_which(tmp_path, rng, k):
     path = write(tmp_path / "x.tif", picture(rng, shape=(90 // k, 120 // k)))
     assert image_from_file(path, CAMERA).reduction == k
 
 
-@pytest.mark.parametrize("shape", [(120, 90), (90, 121), (46, 60), (180, 240), (1, 1)])
-def test_another_size_is_said_with_both(tmp_path, rng, shape):
-    says = refused(write(tmp_path / "x.tif", picture(rng, shape=shape)))
-    assert says == (
-        f"has {shape[1]} x {shape[0]} px; CAM1 has 120 x 90, and its images that or 1/K of it, "
-        "K a whole number"
-    )
+SIZE = "CAM1 has 120 x 90, and its images that or 1/K of it, K a whole number"
+GREY = np.ones((90, 120), np.uint8)
+RGB = np.ones((90, 120, 3), np.uint16)
+TURNED = {"extratags": [(274, "H", 1, 3, True)], "metadata": None}
+CMAP = np.zeros((3, 256), "u2")
 
 
-@pytest.mark.parametrize("dtype", ["float32", "uint32", "int16", "bool"])
-def test_other_types_of_pixels_are_named(tmp_path, dtype):
-    path = write(tmp_path / "x.tif", np.ones((90, 120, 3), dtype), photometric="minisblack")
-    assert refused(path) == (
-        f"has pixels of type {dtype}; unsigned whole numbers of 8 or 16 bit are read"
-    )
+@pytest.mark.parametrize(
+    ("image", "how", "says"),
+    [
+        (RGB[:, :-1], {}, f"has 119 x 90 px; {SIZE}"),
+        (RGB[:46, :60], {}, f"has 60 x 46 px; {SIZE}"),
+        (np.repeat(RGB, 2, axis=1), {}, f"has 240 x 90 px; {SIZE}"),
+        (RGB.astype("f4"), {}, "has pixels of type float32; unsigned whole numbers of 8 or 16 bit"),
+        (RGB.astype("i2"), {}, "has pixels of type int16; unsigned whole numbers of 8 or 16 bit"),
+        (GREY.astype(bool), {}, "has pixels of type bool; unsigned whole numbers of 8 or 16 bit"),
+        (GREY, {"photometric": "palette", "colormap": CMAP}, "is stored as a colour palette; grey"),
+        (GREY, {"photometric": "miniswhite"}, "is stored as white as zero; grey values or RGB"),
+        (RGB, TURNED, "is to be shown turned (orientation 3); store the pixels as shown"),
+        (
+            np.ones((90, 120, 4), np.uint8),
+            {"photometric": "rgb", "extrasamples": ["unassalpha"]},
+            "has a band of transparency (alpha); write it without",
+        ),
+        (
+            np.ones((90, 120, 5), np.uint8),
+            {"photometric": "minisblack", "planarconfig": "contig"},
+            "has 5 bands; one to 4 are read",
+        ),
+        (
+            np.ones((3, 90, 120), np.uint8),
+            {"photometric": "minisblack"},
+            "holds 3 images; all bands must be in one",
+        ),
+    ],
+)
+def test_what_is_not_read_is_one_sentence(tmp_path, image, how, says):
+    assert refused(write(tmp_path / "x.tif", image, **how)).startswith(says)
 
 
-def test_an_image_to_be_shown_turned_is_refused(tmp_path, rng):
-    how = {"extratags": [(274, "H", 1, 3, True)], "metadata": None}
-    says = refused(write(tmp_path / "x.tif", picture(rng), **how))
-    assert says == "is to be shown turned (orientation 3); store the pixels as shown"
+def test_parts_that_were_never_written_are_found(tmp_path):
+    path = write(tmp_path / "x.tif", RGB, metadata=None, compression="deflate", tile=(32, 32))
+    with tifffile.TiffFile(path, mode="r+b") as tiff:
+        tag = tiff.pages.first.tags["TileByteCounts"]
+        tag.overwrite((0, *tag.value[1:]))
+    assert refused(path) == "has parts without pixels; was the writing interrupted?"
 
 
-@pytest.mark.parametrize(("suffix", "says"), [("jpg", "a JPEG image"), ("png", "a PNG image")])
-def test_other_formats_are_named_whatever_the_file_is_called(tmp_path, rng, suffix, says):
-    _, data = cv2.imencode(f".{suffix}", picture(rng, dtype="uint8"))
-    (tmp_path / "x.tif").write_bytes(data.tobytes())
-    assert refused(tmp_path / "x.tif") == f"is {says}; head images are read from TIFF (16 or 8 bit)"
-
-
-def test_what_cannot_be_opened_is_said(tmp_path):
-    assert refused(tmp_path / "x.tif") == "cannot be read (No such file or directory)"
+def test_what_is_no_tiff_is_said(tmp_path, rng):
+    path, words = tmp_path / "x.tif", "head images are read from TIFF (16 or 8 bit)"
+    assert refused(path) == "cannot be read (No such file or directory)"
     assert refused(tmp_path) == "cannot be read (Is a directory)"
-    (tmp_path / "x.tif").write_bytes(b"")
-    assert refused(tmp_path / "x.tif") == "is empty; a head image is a TIFF"
-    (tmp_path / "x.tif").write_text("no image at all, but a long text")
-    assert "no TIFF, or its header is damaged" in refused(tmp_path / "x.tif")
+    path.write_bytes(b"")
+    assert refused(path) == "is empty; a head image is a TIFF"
+    path.write_text("no image at all, but a long text")
+    assert refused(path) == f"is no TIFF, or its header is damaged; {words}"
+    for kind in ("jpg", "png"):
+        path.write_bytes(cv2.imencode(f".{kind}", picture(rng, dtype="uint8"))[1].tobytes())
+        assert refused(path).endswith(f" image; {words}")
 
 
 @pytest.mark.parametrize("how", LAYOUTS.values(), ids=LAYOUTS)
