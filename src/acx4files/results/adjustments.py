@@ -565,13 +565,8 @@ def with_prediction(record: Record, found: Prediction | Failed) -> Record:
         entries, line = _prediction_summary(found), found.sentence
     else:
         line = f"exposures are not predicted: {found.reason}"
-    notes = [*_lines(entry), f"{key}: {line}"]
+    notes = [*results.messages(entry, "notes"), f"{key}: {line}"]
     return replace(record, summary={key: {**entry, **entries, "notes": notes}})
-
-
-def _lines(entry: Mapping[str, object]) -> list[object]:
-    notes = entry["notes"]
-    return notes if isinstance(notes, list) else []
 
 
 def _prediction_summary(prediction: Prediction) -> dict[str, object]:

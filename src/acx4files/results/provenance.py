@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import hashlib
 import importlib.metadata
+import os
 import platform
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -165,7 +166,8 @@ def results_before(folder: str | Path, stages: Sequence[str], flight: Flight) ->
     elif not path.is_dir():
         raise FlightError([_not_run(path, stages, flight)])
     last = max(map(STAGES.index, stages), default=len(STAGES) - 2)
-    with own_folder.locked(path):  # another notebook may be writing
+    can_write = os.access(path, os.W_OK)  # so another notebook may be writing
+    with own_folder.locked(path) if can_write else nullcontext():
         found = results.read(path, rewriting=STAGES[last + 1 :])
     lacking = [stage for stage in stages if not results.has(found, stage)]
     if lacking:
