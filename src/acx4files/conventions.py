@@ -433,16 +433,12 @@ def misses(block: Block) -> tuple[Sightings, Array]:
     ratio : ndarray, shape (n,)
         In quarters of the image diagonal; infinite behind the camera.
     """
-    seen = _all_surveyed(block, np.ones(len(block.image_points), dtype=bool))
-    return seen, _ratio(seen, block.trajectory.T_m_b[seen.exposures])
-
-
-def _all_surveyed(block: Block, keep: Mask) -> Sightings:
     x_m = np.full((len(block.points), 3), np.nan)
     for surveyed in (block.control, block.check):
         x_m[surveyed.point_idx] = surveyed.x_m
-    points = block.image_points[keep & np.isfinite(x_m[block.image_points.point_idx, 0])]
-    return _sightings_of(block, points, x_m)
+    known = np.isfinite(x_m[block.image_points.point_idx, 0])
+    seen = _sightings_of(block, block.image_points[known], x_m)
+    return seen, _ratio(seen, block.trajectory.T_m_b[seen.exposures])
 
 
 def _ratio(seen: Sightings, T_m_b: Pose) -> Array:
@@ -476,31 +472,43 @@ def contradictions(
     wrong = [k for k, own in judged.items() if _upper(own, 0.5) > 1]
     if wrong and len(wrong) < len(judged):
         for k in wrong:
-            yield _contradiction(block, trajectory, enh, files, only=k)
+            some = _some(seen, np.flatnonzero(seen.camera_idx == k))
+            case = _case(block, trajectory, some, enh[seen.points])
+            found = _explained(block, _turned_cameras(case), files, mine[k], only=k)
+            camera = block.cameras[k].name
+            yield found._replace(table="mount", column="mount_kappa_deg", camera=camera)
     elif _upper(ratio, MOST) > 1:
-        found = _contradiction(block, trajectory, enh, files)
+        case = _case(block, trajectory, _some(seen, np.arange(len(seen))), enh[seen.points])
+        found = _explained(block, _mistakes(case), files, ratio)
         if found.table or _upper(ratio, 0.5) > 1:
             yield found if found.table else found._replace(table="control_points")
+
+
+def _some(seen: Sightings, rows: Index) -> Sightings:
+    """Return some measurements, not too many."""
+    rows = rows[:: -(-len(rows) // EXPLAINED_BY)]
+    return replace(
+        seen,
+        camera_idx=seen.camera_idx[rows],
+        exposure_idx=seen.exposure_idx[rows],
+        point_idx=seen.point_idx[rows],
+        colrow=seen.colrow[rows],
+    )
 
 
 def _upper(values: Array, quantile: float) -> float:
     return float(np.quantile(values, quantile, method="higher"))
 
 
-def _contradiction(
+def _explained(
     block: Block,
-    trajectory: Recorded,
-    enh: Array,
+    tried: Iterator[Reading],
     files: Mapping[str, str],
+    ratio: Array,
     only: int | None = None,
 ) -> Contradiction:
     """Return the sentence on a block, or on one of its cameras; no table if nothing explains it."""
-    keep = np.ones(len(block.image_points), dtype=bool)
-    if only is not None:
-        keep = block.images.camera_idx[block.image_points.image_idx] == only
-    seen = _all_surveyed(block, keep)
-    T_m_b = block.trajectory.T_m_b[seen.exposures]
-    ratio, allowed = _ratio(seen, T_m_b), np.median([c.diagonal_px / 4 for c in block.cameras])
+    allowed = float(np.median([c.diagonal_px / 4 for c in block.cameras]))
     of_camera = "" if only is None else f" in images of {block.cameras[only].name}"
     median = float(np.median(ratio)) * allowed
     place = f"{median:.0f} px from their measurements" if median < np.inf else "behind the camera"
@@ -509,28 +517,21 @@ def _contradiction(
         f"too far) with the trajectory of {files['trajectory']} and the points of "
         f"{files['control_points']}"
     )
-    measured = np.flatnonzero(keep & np.isfinite(enh[block.image_points.point_idx, 0]))
-    thin = np.zeros(len(keep), dtype=bool)
-    thin[measured[:: -(-len(measured) // EXPLAINED_BY)]] = True
-    some = _all_surveyed(block, thin)
-    case = _case(block, trajectory, some, enh[some.points])
-    best, after = _best_explanation(_mistakes(case) if only is None else _turned_cameras(case))
-    table, column, camera = "mount" if only is not None else "", "east_m", ""
-    if best is not None:
-        table = best.table
-        column = best.columns[-1 if best.quantity != "position" else 0] if best.columns else ""
-        column = "exposure" if column == "positions" else column
-        where = f" in {files[table]}" if table in files else ""
-        of = slice(None) if only is None else slice(only, only + 1)
-        turned = _turned_axes(block.cameras[of], best.seen.cameras[of])
-        says = best.says if best.columns else turned
-        found += f"; it looks as if {says}{where} (then {after * allowed:.0f} px)"
-    else:
-        found += f"; {_whereabouts(block)}" if only is None else "; no turn of its axes explains it"
-    if table == "mount":
-        column, camera = "mount_kappa_deg", block.cameras[only or 0].name
     expected = f"must be below {allowed:.0f} px, a quarter of the image diagonal"
-    return Contradiction(table, column, camera, found, expected)
+    best, after = _best_explanation(tried)
+    if best is None:
+        cure = _whereabouts(block) if only is None else "no turn of its axes explains it"
+        return Contradiction("", "east_m", "", f"{found}; {cure}", expected)
+    after_px = f"(then {after * allowed:.0f} px)"
+    if not best.columns:
+        of = slice(None) if only is None else slice(only, only + 1)
+        says = _turned_axes(block.cameras[of], best.seen.cameras[of])
+        found = f"{found}; it looks as if {says} {after_px}"
+        return Contradiction("mount", "mount_kappa_deg", block.cameras[0].name, found, expected)
+    column = best.columns[0 if best.quantity == "position" else -1]
+    found = f"{found}; it looks as if {best.says} in {files[best.table]} {after_px}"
+    column = column if column != "positions" else "exposure"
+    return Contradiction(best.table, column, "", found, expected)
 
 
 def _best_explanation(tried: Iterable[Reading]) -> tuple[Reading | None, float]:

@@ -205,72 +205,6 @@ class Trajectory:
         return out
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Distances:
-    """Spatial distances between pairs of points: of scale bars, tapes, total stations.
-
-    Attributes
-    ----------
-    point_idx : ndarray, shape (n, 2)
-        The two ends, indices of points.
-    distance_m : ndarray, shape (n,)
-        As a tape measures it: straight, in metres that no map projection has changed.
-    sigma_m : ndarray, shape (n,)
-        Positive; infinite where a distance is not used.
-
-    Raises
-    ------
-    ValueError
-        Where a part has another shape, a distance or a sigma is not positive, or both ends are
-        the same point.
-    """
-
-    point_idx: Index = field(default_factory=lambda: np.zeros((0, 2), dtype=np.intp))
-    distance_m: Array = field(default_factory=lambda: np.zeros(0))
-    sigma_m: Array = field(default_factory=lambda: np.zeros(0))
-
-    def __post_init__(self) -> None:
-        expected.shape("point_idx", self.point_idx, ("n", 2))
-        n = len(self.point_idx)
-        for name in ("distance_m", "sigma_m"):
-            expected.shape(name, getattr(self, name), (n,))
-            expected.positive(name, getattr(self, name))
-        expected.finite("distance_m", self.distance_m)
-        if np.any(equal_ends := self.point_idx[:, 0] == self.point_idx[:, 1]):
-            row = int(np.flatnonzero(equal_ends)[0])
-            msg = f"point_idx: expected two points, got point {self.point_idx[row, 0]} twice"
-            raise ValueError(f"{msg} in row {row}")
-
-    def __len__(self) -> int:
-        """Count the distances."""
-        return len(self.point_idx)
-
-    def __getitem__(self, keep: Index | Mask) -> Distances:
-        """Select distances."""
-        return expected.part_of(self, keep)
-
-
-def lengths(x_m: Array, point_idx: Index) -> tuple[Array, Array]:
-    """Return distances between points, and unit vectors along them.
-
-    Parameters
-    ----------
-    x_m : ndarray, shape (n_points, 3)
-        m.
-    point_idx : ndarray, shape (n, 2)
-
-    Returns
-    -------
-    length : ndarray, shape (n,)
-        m.
-    along : ndarray, shape (n, 3)
-        From the first end to the second, the derivative by the second; zero where both coincide.
-    """
-    d = x_m[point_idx[:, 1]] - x_m[point_idx[:, 0]]
-    length = np.linalg.norm(d, axis=1)
-    return length, d / np.maximum(length, 1e-300)[:, None]
-
-
 def unobserved(block: Block) -> bool:
     """Tell whether a block's trajectory holds positions, or attitudes, without any sigma.
 
@@ -308,7 +242,6 @@ class Block:
         ``heads``, ``calibration``, ``validation`` or any other.
     smallest_angle : float
         Radians; tie points whose rays meet at less are left out, as are pairs in a validation.
-    distances : Distances
     """
 
     cameras: tuple[Camera, ...]
@@ -321,7 +254,6 @@ class Block:
     frame: MappingFrame = field(default_factory=LocalFrame)
     name: str = "calibration"
     smallest_angle: float = SMALLEST_ANGLE
-    distances: Distances = field(default_factory=Distances)
 
     def __post_init__(self) -> None:
         expected.different("cameras", [camera.name for camera in self.cameras])
@@ -336,7 +268,6 @@ class Block:
             ("image_points.point_idx", self.image_points.point_idx, len(self.points)),
             ("control.point_idx", self.control.point_idx, len(self.points)),
             ("check.point_idx", self.check.point_idx, len(self.points)),
-            ("distances.point_idx", self.distances.point_idx.ravel(), len(self.points)),
         ):
             expected.places(name, idx, n)
         _check_surveyed(self)

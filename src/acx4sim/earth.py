@@ -28,6 +28,8 @@ _HILLS = (  # amplitude m, wavelength m, azimuth deg, phase rad
     (8.0, 830.0, 151.0, 1.2),
     (3.0, 310.0, 85.0, 5.3),
 )
+RELIEF_M = float(np.sqrt(sum(hill[0] ** 2 for hill in _HILLS) / 2))
+"""Root mean square of the hills as they stand; a plan's relief multiplies them."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -61,9 +61,8 @@ def fly(plan: Plan, block: BlockPlan, rng: np.random.Generator) -> Track:
     late by as much, so that velocities are those of the positions.
     """
     grid = Grid(crs=plan.crs)
-    parts = [_fly_strip(strip, rng) for strip in block.strips]
-    places = np.concatenate([part[0] for part in parts])
-    rph = np.radians(np.concatenate([part[1] for part in parts]))
+    places, rph_deg, late_s = scattered(block, rng)
+    rph = np.radians(rph_deg)
     en = grid_from_field(block, places[:, :2])
     x_g = np.column_stack([en, places[:, 2] + plan.ground_m])
     rph[:, 2] += np.radians(block.azimuth_deg) + grid.convergence(grid.geodetic_from_grid(x_g))
@@ -78,13 +77,38 @@ def fly(plan: Plan, block: BlockPlan, rng: np.random.Generator) -> Track:
             for number, strip in enumerate(block.strips, 1)
             for _ in range(strip.n)
         ],
-        time_s=_times(block) + np.concatenate([part[2] for part in parts]),
+        time_s=_times(block) + late_s,
         x_g=x_g,
         R_enu_b=attitude_from_rph(rph),
     )
 
 
-def _fly_strip(strip: Strip, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+def scattered(block: BlockPlan, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Return where the exposures of a block are: as planned, but for wind and turbulence.
+
+    Returns
+    -------
+    places, rph_deg : ndarray, shape (n, 3)
+        Forward, left and up in the block's axes, m; roll, pitch, and heading from its azimuth.
+    late_s : ndarray, shape (n,)
+        Delays of the exposures.
+    """
+    if block.motion is None:
+        motions = [_drawn(strip.n, rng) for strip in block.strips]
+    else:
+        motions = np.split(block.motion, np.cumsum([strip.n for strip in block.strips])[:-1])
+    parts = [_fly_strip(strip, m) for strip, m in zip(block.strips, motions, strict=True)]
+    places, rph_deg, late_s = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return places, rph_deg, late_s
+
+
+def _drawn(n: int, rng: np.random.Generator) -> Array:
+    """Draw the motion of a strip, as `BlockPlan.motion` has it."""
+    scatter, turn = rng.standard_normal((n, 3)), rng.standard_normal((n, 3))
+    return np.column_stack([scatter, turn, np.full(n, rng.uniform(-1.0, 1.0))])
+
+
+def _fly_strip(strip: Strip, motion: Array) -> tuple[Array, Array, Array]:
     """Return positions (forward, left, up, m), roll, pitch, azimuth (deg), delays of exposures (s).
 
     Positions are in the block's axes. Exposures keep their order, however short the base.
@@ -92,7 +116,7 @@ def _fly_strip(strip: Strip, rng: np.random.Generator) -> tuple[Array, Array, Ar
     turn = np.radians(strip.turn_deg)
     ahead, aside = np.array([np.cos(turn), -np.sin(turn)]), np.array([np.sin(turn), np.cos(turn)])
     along = (np.arange(strip.n) - (strip.n - 1) / 2) * strip.base_m
-    scatter = _SCATTER_M * np.clip(rng.standard_normal((strip.n, 3)), -2, 2)
+    scatter = _SCATTER_M * np.clip(motion[:, :3], -2, 2)
     scatter[:, 0] = np.clip(scatter[:, 0], -_IN_TURN * strip.base_m, _IN_TURN * strip.base_m)
     places = np.empty((strip.n, 3))
     places[:, :2] = (
@@ -101,8 +125,8 @@ def _fly_strip(strip: Strip, rng: np.random.Generator) -> tuple[Array, Array, Ar
         + scatter[:, 1:2] * aside
     )
     places[:, 2] = strip.height_m + scatter[:, 2]
-    rph = _MOTION_DEG * np.clip(rng.standard_normal((strip.n, 3)), -2, 2)
-    rph[:, 2] += strip.turn_deg + rng.uniform(-_CRAB_DEG, _CRAB_DEG)
+    rph = _MOTION_DEG * np.clip(motion[:, 3:6], -2, 2)
+    rph[:, 2] += strip.turn_deg + _CRAB_DEG * motion[:, 6]
     return places, rph, scatter[:, 0] / strip.speed_m_s
 
 
@@ -269,8 +293,8 @@ def ground_points(plan: Plan, block: BlockPlan, places: Array) -> Array:
     return np.column_stack([en, terrain_height(llh, plan.ground_m, relief=plan.relief)])
 
 
-def _look(plan: Plan, cameras: Sequence[str], track: Track, x_g: Array) -> Visibility:
-    """Project points into cameras at all exposures of a track."""
+def look(plan: Plan, cameras: Sequence[str], track: Track, x_g: Array) -> Visibility:
+    """Project points, east, north, height, into cameras at all exposures of a track."""
     grid = Grid(crs=plan.crs)
     llh = grid.geodetic_from_grid(x_g)
     x_e, up = grid.ecef_from_geodetic(llh), axes_of_enu_in_ecef(llh)[:, :, 2]
@@ -304,14 +328,14 @@ def measure(
     frame's image.
     """
     deciding = (block.frame,) if block.frame else block.cameras
-    surveyed = _look(plan, deciding, track, surveyed_g)
+    surveyed = look(plan, deciding, track, surveyed_g)
     if block.tie_places is None:
         ties_g, ties = _strew_tie_points(plan, block, deciding, track, rng)
     else:
         ties_g, ties = _placed_tie_points(plan, block, block.tie_places, deciding, track)
     seen = np.concatenate([surveyed.seen, ties.seen], axis=2)
     if block.frame:
-        sight = _look(plan, block.cameras, track, np.concatenate([surveyed_g, ties_g]))
+        sight = look(plan, block.cameras, track, np.concatenate([surveyed_g, ties_g]))
         return replace(sight, seen=sight.seen & seen)
     return Visibility(colrow=np.concatenate([surveyed.colrow, ties.colrow], axis=2), seen=seen)
 
@@ -324,7 +348,7 @@ def _placed_tie_points(
     Returns as `_strew_tie_points`.
     """
     x_g = ground_points(plan, block, places)
-    sight = _look(plan, cameras, track, x_g)
+    sight = look(plan, cameras, track, x_g)
     good = (sight.seen.sum(axis=1) >= _MIN_RAYS).any(axis=0)
     return x_g[good], Visibility(colrow=sight.colrow[:, :, good], seen=sight.seen[:, :, good])
 
@@ -344,7 +368,7 @@ def _strew_tie_points(
             break
         places = np.array(block.tie_area_m) * rng.uniform(-1, 1, (_BATCH, 2))
         x_g = ground_points(plan, block, places)
-        sight = _look(plan, cameras, track, x_g)
+        sight = look(plan, cameras, track, x_g)
         sight.seen[rng.random(sight.seen.shape) >= _MEASURED] = False
         good = sight.seen.sum(axis=1) >= _MIN_RAYS
         enough = np.all(np.cumsum(good, axis=1) >= missing[:, None], axis=0)
@@ -358,7 +382,7 @@ def _strew_tie_points(
         raise ValueError(msg)
     if not grounds:
         x_g = np.empty((0, 3))
-        return x_g, _look(plan, cameras, track, x_g)
+        return x_g, look(plan, cameras, track, x_g)
     return np.concatenate(grounds), Visibility(
         colrow=np.concatenate([sight.colrow for sight in sights], axis=2),
         seen=np.concatenate([sight.seen for sight in sights], axis=2),

@@ -26,7 +26,6 @@ from acx4files.stages.synthetic import refine
 from acx4lib.calibration import rig
 from acx4lib.calibration.determination import ABSORBING, absorption
 from acx4lib.calibration.estimates import Calibration, parameters
-from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.geometry.camera import Camera, border_distance, xy_from_colrow
 from acx4lib.geometry.collinearity import project, rays
@@ -46,9 +45,6 @@ from support.flights import simulated
 OUT = harness.OUT
 DESIGN = "acx4"
 SEEDS = range(1, 49)
-FOCAL_LENGTHS_MM = tuple(round(float(f), 2) for f in np.arange(74.0, 74.61, 0.1))
-"""Of head 1 in the sweep; the other heads' follow from Table 1."""
-
 NODES = (30, 40)
 """Columns and rows of the residual pattern."""
 
@@ -95,13 +91,11 @@ def main() -> None:
     seeds = SEEDS[: options.seeds]
     rows: dict[str, list[Row]] = {"parameters": [], "points": [], "classes": []}
     with ProcessPoolExecutor(options.processes) as pool:
-        swept = pool.map(at_focal_length, FOCAL_LENGTHS_MM)
         shared = pool.map(through_heads_of_others, seeds)
         for seed, found in zip(seeds, pool.map(of_seed, seeds), strict=True):
             for name, part in zip(("parameters", "points", "classes"), found, strict=True):
                 rows[name] += part
             sys.stderr.write(f"\r{seed} of {len(seeds)} flights")
-        rows["sweep"] = [row for part in swept for row in part]
         rows["shared"] = [row for part in shared for row in part]
         rows["pattern"] = pattern()
         rows["centres"] = centres()
@@ -228,31 +222,6 @@ def of_differences(over: str, found: Differences) -> list[Row]:
 
 
 # --- exact flights -----------------------------------------------------------------------------
-
-
-def at_focal_length(f_mm: float) -> list[Row]:
-    """Return the single step of exact data, where head 1 has a focal length and Table 1 holds.
-
-    Points are transferred through the heads as they were calibrated, and as tie points refine them.
-    """
-    flight = find_head_truth.exact_flight(find_head_truth.fitted_to_table_1(f_mm))
-    orientation = find_head_truth.calibrated_heads(flight)
-    refined = refine(flight, orientation, None).orientation
-    rows = []
-    for heads, oriented in (("calibrated", orientation), ("refined", refined)):
-        step = find_head_truth.single_step(flight, oriented)
-        named = {"f_1_mm": f_mm, "heads": heads}
-        rows += [named | row for row in (*of_mounting(step), *of_places(oriented))]
-    return rows
-
-
-def of_places(found: RelativeOrientation) -> list[Row]:
-    """Return where the heads' perspective centres are in the frame of the synthetic image."""
-    return [
-        {"camera": head.name, "parameter": key, "value": float(mm), "sigma": np.nan}
-        for head, place in zip(found.heads, found.xyz_mm, strict=True)
-        for key, mm in zip(("Xc_mm", "Yc_mm", "Zc_mm"), place, strict=True)
-    ]
 
 
 def at_side(share: float, lowered_m: float = 0.0) -> list[Row]:

@@ -144,24 +144,6 @@ def largest(missing: Mapping[str, np.ndarray]) -> float:
     return max(np.abs(change / SEEN).max() for change in missing.values())
 
 
-def fitted_to_table_1(f_1_mm: float) -> dict[str, Camera]:
-    """Return the heads that give Table 1 with head 1 of a focal length.
-
-    Parameters
-    ----------
-    f_1_mm : float
-        Within some tenths of a millimetre of that of `head_truth`.
-    """
-    scale = f_1_mm / optics.HEADS[HEADS[0]].f_mm
-    heads = {name: replace(head, f_mm=head.f_mm * scale) for name, head in optics.HEADS.items()}
-    for _ in range(6):
-        missing = missing_to_table_1(calibrated_heads(exact_flight(heads, ("heads",))))
-        if largest(missing) < 2e-5:
-            break
-        heads = {name: moved(heads[name], missing[name], f_mm=0.0) for name in HEADS}
-    return heads
-
-
 def main() -> None:
     """Find the heads and print their constants."""
     for name, head in find(printed.value(3, "f_mm", "single_step")).items():

@@ -43,95 +43,37 @@ def z_down(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(omega_deg=opk[:, 0], phi_deg=opk[:, 1], kappa_deg=opk[:, 2])
 
 
+EN, LL = ("east_m", "north_m"), ("lat_deg", "lon_deg")
+RPH, OPK = ("roll_deg", "pitch_deg", "heading_deg"), ("omega_deg", "phi_deg", "kappa_deg")
+
+
+def from_90(column: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    return lambda table: table.assign(**{column: 90.0 - table[column]})
+
+
+def from_the_bottom(table: pd.DataFrame) -> pd.DataFrame:
+    return table.assign(row_px=2999.0 - table["row_px"])
+
+
 MISFITS = [
-    ("grid", CONTROL, swapped("east_m", "north_m"), "east_m", "east_m and north_m were swapped"),
-    (
-        "geographic",
-        CONTROL,
-        swapped("east_m", "north_m"),
-        "east_m",
-        "east_m and north_m were swapped",
-    ),
-    ("grid", TRAJECTORY, swapped("east_m", "north_m"), "east_m", "east_m and north_m were swapped"),
+    ("grid", CONTROL, swapped(*EN), "east_m", "east_m and north_m were swapped"),
+    ("geographic", CONTROL, swapped(*EN), "east_m", "east_m and north_m were swapped"),
+    ("grid", TRAJECTORY, swapped(*EN), "east_m", "east_m and north_m were swapped"),
     ("grid", CONTROL, to_other_zone, "east_m", "east_m and north_m were of UTM zone 21S"),
     ("grid", TRAJECTORY, to_other_zone, "east_m", "east_m and north_m were of UTM zone 21S"),
-    (
-        "geographic",
-        TRAJECTORY,
-        swapped("lat_deg", "lon_deg"),
-        "lat_deg",
-        "lat_deg, lon_deg were swapped",
+    ("geographic", TRAJECTORY, swapped(*LL), "lat_deg", "lat_deg, lon_deg were swapped"),
+    ("geographic", TRAJECTORY, in_radians(*LL), "lat_deg", "lat_deg, lon_deg were in radians"),
+    *(
+        ("geographic", TRAJECTORY, negative(*n), n[0], f"{', '.join(n)} were of opposite sign")
+        for n in (LL[1:], LL[:1], LL)
     ),
-    (
-        "geographic",
-        TRAJECTORY,
-        in_radians("lat_deg", "lon_deg"),
-        "lat_deg",
-        "lat_deg, lon_deg were in radians",
-    ),
-    (
-        "geographic",
-        TRAJECTORY,
-        negative("lon_deg"),
-        "lon_deg",
-        "lon_deg were of opposite sign",
-    ),
-    (
-        "geographic",
-        TRAJECTORY,
-        negative("lat_deg"),
-        "lat_deg",
-        "lat_deg were of opposite sign",
-    ),
-    (
-        "geographic",
-        TRAJECTORY,
-        negative("lat_deg", "lon_deg"),
-        "lat_deg",
-        "lat_deg, lon_deg were of opposite sign",
-    ),
-    (
-        "geographic",
-        TRAJECTORY,
-        in_radians("roll_deg", "pitch_deg", "heading_deg"),
-        "heading_deg",
-        "roll_deg, pitch_deg, heading_deg were in radians",
-    ),
-    (  # one strip still fits, since its kappa is nearly zero
-        "grid",
-        TRAJECTORY,
-        in_radians("omega_deg", "phi_deg", "kappa_deg"),
-        "kappa_deg",
-        "omega_deg, phi_deg, kappa_deg were in radians",
-    ),
-    (
-        "grid",
-        TRAJECTORY,
-        lambda t: t.assign(kappa_deg=90.0 - t["kappa_deg"]),
-        "kappa_deg",
-        "kappa_deg were a heading from north",
-    ),
-    (
-        "geographic",
-        TRAJECTORY,
-        lambda t: t.assign(heading_deg=90.0 - t["heading_deg"]),
-        "heading_deg",
-        "heading_deg were an angle from east",
-    ),
-    (
-        "grid",
-        TRAJECTORY,
-        z_down,
-        "kappa_deg",
-        "omega_deg, phi_deg, kappa_deg were of a body with z down",
-    ),
-    (
-        "grid",
-        POINTS,
-        lambda t: t.assign(row_px=2999.0 - t["row_px"]),
-        "row_px",
-        "row_px were counted from the bottom",
-    ),
+    ("geographic", TRAJECTORY, in_radians(*RPH), RPH[2], f"{', '.join(RPH)} were in radians"),
+    # one strip still fits, since its kappa is nearly zero
+    ("grid", TRAJECTORY, in_radians(*OPK), OPK[2], f"{', '.join(OPK)} were in radians"),
+    ("grid", TRAJECTORY, from_90(OPK[2]), OPK[2], "kappa_deg were a heading from north"),
+    ("geographic", TRAJECTORY, from_90(RPH[2]), RPH[2], "heading_deg were an angle from east"),
+    ("grid", TRAJECTORY, z_down, OPK[2], f"{', '.join(OPK)} were of a body with z down"),
+    ("grid", POINTS, from_the_bottom, "row_px", "row_px were counted from the bottom"),
 ]
 
 

@@ -26,7 +26,6 @@ from acx4files.conventions import (
     size,
 )
 from acx4files.flight.reader import read
-from acx4lib.block import select_images
 from acx4lib.errors import FlightError
 from acx4lib.geometry.frames import Pose, turn
 from support.flights import planted, simulated
@@ -116,12 +115,6 @@ def test_gross_errors_do_not_hide_a_sign(tmp_path):
     assert sentence.startswith("calibration: with pitch of opposite sign the residuals of attitude")
 
 
-def test_a_block_that_is_not_there_is_named(tmp_path):
-    flight = read(planted.write(planted.clean("single-head", "grid", "small"), tmp_path / "f"))
-    with pytest.raises(FlightError, match="no block heads"):
-        best_reading(flight, "heads")
-
-
 @pytest.mark.parametrize(
     ("given", "found", "unit", "says"),
     [
@@ -191,10 +184,6 @@ def test_metres_of_a_receiver_without_corrections_are_no_millimetres(block):
     assert found is not None
     assert (found.name, found.quantity) == (SHARED, "position")
     assert found.given < 0.1
-
-
-def test_what_is_not_known_has_no_unit(block):
-    assert unit_of(with_sigma(block, attitude=np.inf)) is None
 
 
 # --- mountings on a trajectory taken as exact: derivatives, truth, robustness ----------------
@@ -313,11 +302,6 @@ def test_sixty_images_of_a_large_block_are_looked_at(tmp_path):
         assert MOST_IMAGES / 2 < len(own.exposures) <= MOST_IMAGES
         assert len(own) <= 1.05 * MOST_MEASUREMENTS  # rays of whole tie points
         assert own.point_idx.max() == len(own.x_m) - 1
-
-
-def test_nothing_can_be_said_of_a_few_images(tmp_path):
-    block = block_of(tmp_path, "small")
-    assert sightings(select_images(block, np.arange(len(block.images)) < 5)) is None
 
 
 def _without_control(block):

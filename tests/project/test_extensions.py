@@ -10,12 +10,6 @@ from sphinx.util.docutils import docutils_namespace
 
 from support.helpers import ROOT, book_extension
 
-# --- the extension of the book that says who made it, and offers notebooks -------------------
-
-
-extension = book_extension("foot_and_downloads")
-
-
 # --- the extension of the book that writes pages at old addresses ----------------------------
 
 
@@ -115,19 +109,6 @@ def test_running_text_is_linked_and_nothing_else(built):
         ("lever\narm", "glossary.html#term-lever-arm"),
         ("GNSS", "glossary.html#term-GNSS"),
     ]
-
-
-# --- the extensions of the book that leave out what nobody sees ------------------------------
-
-
-short_signatures, offline = map(book_extension, ("short_signatures", "offline"))
-foot_and_downloads = book_extension("foot_and_downloads")
-
-
-def page(name, body):
-    context = {"body": body}
-    short_signatures.shorten(None, name, "page.html", context, None)
-    return context["body"]
 
 
 # --- the extension of the book that sets numbers ---------------------------------------------

@@ -57,13 +57,6 @@ def code_cells(notebook):
     return [cell for cell in notebook.cells if cell.cell_type == "code"]
 
 
-def tables(notebook):
-    """Return the labels of the tables that the cells make."""
-    told = [cell.metadata["acx4"]["name"] for cell in notebook.cells if "acx4" in cell.metadata]
-    source = "\n".join(cell.source for cell in code_cells(notebook))
-    return [*told, *re.findall(r'name="(tab-[^"]*)"', source)]
-
-
 def is_hidden(cell):
     return "hide-input" in cell.metadata.get("tags", [])
 

@@ -40,7 +40,6 @@ def test_all_its_code_runs(chapter):
 
 EXERCISES = {"07-exercises": 12, "12-synthetic-cost": 2}
 EXERCISES |= {path.relative_to(NOTEBOOKS).with_suffix("").as_posix(): 3 for path in CHAPTERS}
-"""Notebooks, and how many exercises they have at least."""
 
 
 @pytest.mark.parametrize(("name", "least"), EXERCISES.items())

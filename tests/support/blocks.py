@@ -12,12 +12,10 @@ import numpy as np
 
 from acx4lib.block import (
     Block,
-    Distances,
     ImagePoints,
     Images,
     SurveyedPoints,
     Trajectory,
-    lengths,
 )
 from acx4lib.bundle.unknowns import layout
 from acx4lib.calibration.estimates import Calibration
@@ -154,14 +152,6 @@ def standard(**options):
 def standard_points():
     """Return the true points of `standard`: control, check and tie points."""
     return np.concatenate([crosses(), terrain(2, seed=4), terrain(40)])
-
-
-def taped(block, ends, *, sigma, off=0.0):
-    """Return a standard block with distances between points, each off by some metres."""
-    ends, sigma_m = np.asarray(ends), np.full(len(ends), sigma)
-    true, _ = lengths(standard_points(), ends)
-    own = Distances(point_idx=ends, distance_m=true + off, sigma_m=sigma_m)
-    return replace(block, distances=own)
 
 
 def balanced():

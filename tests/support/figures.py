@@ -31,10 +31,6 @@ def quivers(ax):
     return [artist for artist in ax.get_children() if isinstance(artist, Quiver)]
 
 
-def legend(fig):
-    return [text.get_text() for text in fig.legends[0].get_texts()]
-
-
 def assert_labelled(fig):
     for ax in panels(fig):
         assert UNIT.search(ax.get_xlabel()), ax.get_xlabel()

@@ -65,7 +65,7 @@ def flight(folder, project, rng):
     trajectory.insert(0, "exposure", names)
     images = {"image": names, "camera": "RMK", "exposure": names, "strip": "1"}
     images = pd.DataFrame(images).assign(file=[f"images/{name}.jpg" for name in names])
-    given = project.surveyed
+    given = project
     control = pd.DataFrame(given.x, columns=POSITION).assign(
         point=given.point,
         role=np.where(project.is_check, "check", "control"),
@@ -99,7 +99,7 @@ def network(project, rows):
     names = names_of(project)
     points = tuple(dict.fromkeys(rows["point"]))
     place = {name: i for i, name in enumerate(points)}
-    given = project.surveyed
+    given = project
     seen = np.array(
         [
             str(point) in place and not c
@@ -138,7 +138,7 @@ def test_tie_points_of_real_photographs_give_the_published_orientation(tmp_path,
     table = tmp_path / "measured" / "calibration" / "image_points.csv"
     rows = pd.read_csv(table, dtype={"image": str, "point": str})
     published = marks(project)[["image", "point"]].to_numpy().tolist()
-    tie = ~rows["point"].isin([str(point) for point in project.surveyed.point])
+    tie = ~rows["point"].isin([str(point) for point in project.point])
     assert tie.sum() > 200
     given = np.array([pair in published for pair in rows[["image", "point"]].to_numpy().tolist()])
     block = network(project, rows[tie | given])

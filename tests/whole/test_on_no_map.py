@@ -37,7 +37,7 @@ def camera_table(camera):
     }
 
 
-def flown(block, *, sigma=(), distances=None, control=False, **more):
+def flown(block, *, sigma=(), control=False, **more):
     """Return a block as a flight on no map whose trajectory states some of its sigma."""
     names, points = np.array(block.images.names), np.array(block.points)
     T, known = block.trajectory.T_m_b, block.trajectory
@@ -67,8 +67,6 @@ def flown(block, *, sigma=(), distances=None, control=False, **more):
         },
         "trajectory": trajectory,
     }
-    if distances is not None:
-        tables["distances"] = distances
     surveyed = {"point": points[block.control.point_idx]}
     surveyed |= dict(zip(XYZ, block.control.x_m.T, strict=True))
     settings = {**SETTINGS, "cameras": {"CAM": camera_table(block.cameras[0])}, **more}
@@ -106,24 +104,6 @@ def test_without_sigma_it_is_a_free_network_and_check_says_so(block):
     assert_allclose(ours.to_array(), theirs.to_array(), atol=1e-7)
     assert_allclose(fit.calibration.cov, own.inner.solution.cov[:4, :4], rtol=1e-4)
     assert fit.bundle.solution.redundancy == own.inner.solution.redundancy
-
-
-def test_a_distance_gives_it_metres(block):
-    """The start is 3 percent too large; the bar puts it right."""
-    given = flown(block).calibration
-    a, b = np.argsort(-given.rays)[:2]
-    exact = adjust_free(free_orientation(given, free=FREE)).inner.state.x_m
-    true = np.linalg.norm(exact[a] - exact[b])
-    bar = {
-        "point_a": [given.points[a]],
-        "point_b": [given.points[b]],
-        "distance_m": [true / 1.03],
-        "sigma_m": [0.01],
-    }
-    flight = flown(block, distances=bar)
-    assert any("whose scale is that of 1 distance" in note for note in flight.notes)
-    x_m = mounting.calibrate(flight).single_step.bundle.state.x_m
-    assert_allclose(np.linalg.norm(x_m[a] - x_m[b]), true / 1.03, rtol=1e-6)
 
 
 def test_positions_alone_hold_the_boresight(block):

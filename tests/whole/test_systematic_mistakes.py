@@ -240,7 +240,6 @@ def test_a_mistake_of_control_is_no_sigma(flight, tmp_path, mistake):
     assert any("sigma of" in note and "outside 0.33 to 1.5" in note for note in outcome.notes)
     said = state(tmp_path / "r", QUESTION)
     assert said[0] == "fails"
-    assert "No result holds" in said[1]
     entry = folder.entries(tmp_path / "r")["mounting/single_step"]
     assert max(one["applied"] for one in entry["sigma_factors"].values()) > BOUNDS[1]
 

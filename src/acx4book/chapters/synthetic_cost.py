@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -37,7 +37,7 @@ SYNTHETIC, RIG = "synthetic", "rig"
 ALPHA = 0.01
 """Probability that the noise of any parameter lies outside its bounds, if sigma is right."""
 
-PARTS = ("parameters", "points", "classes", "shared", "noise", "sweep", "pattern", "centres")
+PARTS = ("parameters", "points", "classes", "shared", "noise", "pattern", "centres")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,8 +59,6 @@ class Study:
         Single steps of flights with noise beside those of exact data of the same geometry: seed,
         camera, parameter, value, sigma as a run has it, and of it sigma_before, the part of the
         heads, exact.
-    sweep : DataFrame
-        Of exact data: f_1_mm, heads (calibrated or refined), camera, parameter, value, sigma.
     pattern : DataFrame
         Of exact data: height_m, head, col_px, row_px, d_col_px, d_row_px.
     centres : DataFrame
@@ -76,7 +74,6 @@ class Study:
     classes: pd.DataFrame
     shared: pd.DataFrame
     noise: pd.DataFrame
-    sweep: pd.DataFrame
     pattern: pd.DataFrame
     centres: pd.DataFrame
     about: Mapping[str, Any]
@@ -175,12 +172,6 @@ def _percent_larger(first: Array, second: Array) -> dict[str, float]:
     return {"percent": 100 * (root - 1), "sigma_percent": float(100 * error / (2 * root))}
 
 
-def _exact(sweep: pd.DataFrame, camera: str, parameter: str) -> pd.DataFrame:
-    """Return a parameter over the focal length of head 1: a column for each kind of heads."""
-    estimates = sweep[(sweep["camera"] == camera) & (sweep["parameter"] == parameter)]
-    return estimates.pivot_table(index="f_1_mm", columns="heads", values="value")
-
-
 def excess(study: Study) -> dict[str, float]:
     """Return the excess of the variance factors with the synthetic image.
 
@@ -256,8 +247,6 @@ def scatter_with_heads(study: Study) -> pd.DataFrame:
 # square's. A camera in the middle sees ground at the distances t H from below it; if it were
 # higher by c, at t (H + c). The shift does not depend on H, and at all flying heights it looks
 # like a higher camera, with the factor of least squares over the image: c = sum(d t) / sum(t t).
-#
-# The radial distortion of the synthetic image beside Table 3's: its causes.
 
 
 # --- the pattern of residuals -----------------------------------------------------------------
@@ -334,75 +323,11 @@ def true_centre_m() -> Array:
     return centre
 
 
-# --- radial distortion -------------------------------------------------------------------------
-
-RADIAL = ("k1", "k2", "k3")
-HEADS = ("refined", "calibrated")
-"""Kinds of heads, through which points are transferred."""
-
-
-def printed_with_sigma() -> tuple[Array, Array]:
-    """Return k1, k2, k3 of Table 3's single step, and their sigma."""
-    cells = [(3, name, "single_step") for name in RADIAL]
-    return np.array([printed.value(*cell) for cell in cells]), np.array(
-        [printed.sigma(*cell) for cell in cells]
-    )
-
-
-def in_sigma(found: Study) -> dict[str, pd.DataFrame]:
-    """Return k1-k3 of exact data less Table 3's over its sigma, by kind of heads: rows are f_1."""
-    each = zip(RADIAL, *printed_with_sigma(), strict=True)
-    wide = {name: (_exact(found.sweep, "SYN", name) - v) / s for name, v, s in each}
-    return {
-        heads: pd.DataFrame({name: differences[heads] for name, differences in wide.items()})
-        for heads in HEADS
-    }
-
-
-def focal_lengths(differences: pd.DataFrame) -> Array:
-    """Return the focal length of head 1 at which each coefficient has its printed value, mm.
-
-    Parameters
-    ----------
-    differences : DataFrame
-        As `in_sigma` returns it for one kind of heads; coefficients are linear in f.
-    """
-    lines = [
-        np.polyfit(differences.index, coefficient, 1) for _, coefficient in differences.items()
-    ]
-    return np.array([-offset / slope for slope, offset in lines])
-
-
-def by_side(found: Study) -> pd.DataFrame:
-    """Return k1, k2, k3 of exact data: a row for every side of the square of lens centres."""
-    wide = found.squares.pivot_table(index="side_m", columns="parameter", values="value")
-    return wide[list(RADIAL)]
-
-
-def weakest_correlation(found: Study) -> float:
-    """Return the smallest absolute correlation of k1-k3, over flights."""
-    estimates = found.parameters[found.parameters["way"] == SYNTHETIC]
-    values = estimates.pivot_table(index="seed", columns="parameter", values="value")[list(RADIAL)]
-    return float(np.abs(np.corrcoef(values.to_numpy().T)).min())
-
-
-def radius_mm() -> Array:
-    """Return radii from the middle of the synthetic image to its corner, mm."""
-    return np.linspace(0, float(np.hypot(*printed.corners("SYN")[0])), 60)
-
-
-def radial_um(coefficients: Array, r_mm: Array) -> Array:
-    """Return radial distortion at radii, micrometres (eqs 7-8: the polynomial times the radius)."""
-    powers = r_mm[:, None] ** [3, 5, 7]
-    return 1000 * powers @ np.asarray(coefficients)
-
-
-# --- Figures of the synthetic image's cost: scatter over sigma, patterns, radial distortion
+# --- Figures of the synthetic image's cost: scatter over sigma, patterns
 
 
 TINTS = {SYNTHETIC: style.ORANGE, RIG: style.BLUE}
 NAMES = {SYNTHETIC: "synthetic camera", RIG: "heads of the rig"}
-DASHES = dict(zip(HEADS, ("-", "--"), strict=True))
 
 
 def scatter_over_sigma(found: Study) -> Figure:
@@ -437,87 +362,6 @@ def _draw_ratios(ax: Axes, table: pd.DataFrame, names: list[str], tint: str) -> 
         ax.errorbar(
             places, ratios["ratio"], yerr=bars, color=tint, fmt="o", ms=4, lw=1.0, capsize=1.5
         )
-
-
-def fingerprint(found: Study) -> Figure:
-    """Draw the radial distortion of exact data over the focal length of head 1, beside Table 3."""
-    with style.applied():
-        fig, (left, right) = style.subplots(1, 2, figsize=(style.WIDTH, 3.4))
-        for heads, differences in in_sigma(found).items():
-            for i, (_, coefficient) in enumerate(differences.items()):
-                left.plot(
-                    coefficient.index, coefficient, DASHES[heads], color=style.colour(i), lw=1.3
-                )
-        left.axhspan(-2, 2, color=style.SOFT, alpha=0.15, lw=0)
-        left.set(xlabel="$f$ of head 1 (mm)", ylabel="difference from the paper (its σ)")
-        style.heading(left, "Coefficient by coefficient", "grey: within 2σ of the printed value")
-        _draw_curves(right, found)
-        handles = [
-            *(Line2D([], [], color=style.colour(i), label=LABELS[n]) for i, n in enumerate(RADIAL)),
-            *(Line2D([], [], color=style.INK, ls=d, label=f"heads {h}") for h, d in DASHES.items()),
-        ]
-        style.legend_below(fig, handles)
-    return fig
-
-
-def _draw_curves(ax: Axes, study: Study) -> None:
-    """Draw radial distortion over the radius for squares of lens centres, and Table 3's."""
-    r = radius_mm()
-    squares = by_side(study)
-    for i, (side, ks) in enumerate(zip(squares.index, squares.to_numpy(), strict=True)):
-        curve = radial_um(ks, r)
-        ax.plot(r, curve, color=style.colour(3 + i), lw=1.3)
-        _name_curve(ax, f"{100 * side:.0f} cm", (r[-1], curve[-1]), "left")
-    curve = radial_um(printed_with_sigma()[0], r)
-    ax.plot(r, curve, color=style.PRINTED, lw=1.1, ls=":")
-    _name_curve(ax, "paper", (r[-8], curve[-8]), "right")
-    ax.set(xlabel="radius (mm)", ylabel="radial distortion (µm)", xlim=(0, 1.13 * r[-1]))
-    style.heading(ax, "All three together", "by the side of the square of lens centres")
-
-
-def _name_curve(
-    ax: Axes, name: str, place: tuple[float, float], align: Literal["left", "right"]
-) -> None:
-    """Write the name of a curve beside a place on it."""
-    ax.annotate(
-        name,
-        xy=place,
-        xytext=(4 if align == "left" else -4, 0),
-        textcoords="offset points",
-        ha=align,
-        va="center",
-        fontsize=style.SMALL,
-        color=style.SOFT,
-    )
-
-
-def centres(found: Study) -> Figure:
-    """Draw how far X_c and Y_c of exact data lie from Table 1, over the focal length of head 1."""
-    misfit = centre_misfit(found)
-    with style.applied():
-        fig, ax = style.subplots(figsize=(0.6 * style.WIDTH, 2.9))
-        for i, (name, rms) in enumerate(misfit.items()):
-            tint = style.colour(i)
-            ax.plot(rms.index, rms, "o-", color=tint, ms=3, label=LABELS[str(name)])
-        ax.set(xlabel="$f$ of head 1 (mm)", ylabel="RMS over heads (mm)")
-        ax.set_ylim(bottom=0)
-        style.heading(ax, "Lens centres beside the paper's", "differences from the printed values")
-        style.legend_below(fig, ax.get_legend_handles_labels()[0])
-    return fig
-
-
-def centre_misfit(found: Study) -> pd.DataFrame:
-    """Return the RMS over heads of X_c and Y_c less Table 1, mm: rows are focal lengths."""
-    names = ("Xc_mm", "Yc_mm")
-    return pd.DataFrame({name: np.sqrt(_squares_from_print(found, name)) for name in names})
-
-
-def _squares_from_print(study: Study, name: str) -> pd.Series:
-    each = [
-        (_exact(study.sweep, head, name)["calibrated"] - printed.value(1, name, head)) ** 2
-        for head in printed.HEADS
-    ]
-    return sum(each[1:], each[0]) / len(each)
 
 
 # --- the pattern of residuals -----------------------------------------------------------------

@@ -49,7 +49,7 @@ Examples:
 NOT_DETERMINED = 1
 """Exit status if a wanted parameter is not determined."""
 
-FILES = ("parameters", "covariance", "correlations", "reliability", "check_points")
+FILES = ("parameters", "covariance", "reliability", "check_points")
 """Names of the tables in the folder."""
 
 
@@ -84,7 +84,6 @@ def _write(design: Design, source: str, out: Path) -> None:
     design_tables = (
         tables.parameter_table(design),
         tables.covariance_table(design),
-        tables.correlation_table(design),
         tables.reliability_table(design),
         tables.check_point_table(design),
     )

@@ -1,485 +1,339 @@
-"""A planned block.
+"""A plan in the simulator: flown with errors as a flight, or without any to see what it determines.
 
-Its exposures, the visibility of points in its images, and its tables free of error.
+The simulator takes plain numbers and imports nothing of the library, so what it flies of a plan is
+a test of both.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from acx4book.planning import plan as plans
-from acx4book.planning.plan import TURN_S, Plan, PlannedBlock, Strip, image_length_m
-from acx4files.flight.block_from_tables import BlockTables, assemble, lonlat_of, poses
-from acx4files.flight.tables import Table
-from acx4lib import expected
+from acx4book.planning.plan import TURN_S, Plan, PlannedBlock, image_length_m
+from acx4files.flight import reader
 from acx4lib.block import Block
 from acx4lib.errors import FlightError
-from acx4lib.expected import Array, Index, Mask
-from acx4lib.geometry.camera import Camera, border_distance
-from acx4lib.geometry.collinearity import as_seen, project
-from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_rph
-from acx4lib.geometry.geodesy import R_ENU_NED, R_FRD_FLU, MappingFrame, mean_origin
+from acx4lib.geometry import camera as cameras
+from acx4lib.geometry.frames import opk_from_rotation
+from acx4sim import plan as designs
+from acx4sim.earth import RELIEF_M, Array
+from acx4sim.files import SimulatedFlight, simulate_plan
+from acx4sim.fly import fly, ground_points, look, scattered
+from acx4sim.optics import Camera
+from acx4sim.plan import BlockPlan, Noise, Options, SlowErrors
 
-# --- A block as it is planned: its tables as a flight has them, with image points free of errors
+START_S = {"heads": 221_400.0, "calibration": 224_700.0, "validation": 307_800.0}
+"""Time of the first exposure, seconds of the week."""
+
+AFFINITY = ("b1", "b2")
+
+EXACT = Options(image_noise=0.0, control_noise=0.0, gnss_noise=0.0, attitude_noise=0.0)
+"""A flight whose measurements have no noise, but the usual standard deviations."""
 
 
-def block(plan: Plan, name: str, *, wind: int = 0, tie_places: Array | None = None) -> Block:
-    """Return a planned block.
+def flying_time_s(strips: Sequence[plans.Strip]) -> float:
+    """Return the time from the first exposure to the last, turns included."""
+    on_strips = sum((strip.n_exposures - 1) * strip.base_m / strip.speed_m_s for strip in strips)
+    return on_strips + TURN_S * max(len(strips) - 1, 0)
+
+
+def simulate(plan: Plan, *, seed: int, options: Options) -> SimulatedFlight:
+    """Fly a plan.
 
     Parameters
     ----------
     plan : Plan
-    name : str
-        One of its blocks.
-    wind : int
-        As `exposures` takes it.
-    tie_places : ndarray, shape (n, 2), optional
-        Where tie points are, if three images of a camera show them, as `Over.tie_places` returns
-        it; so a simulated flight has them. By default they are looked for in this wind.
-
-    Returns
-    -------
-    Block
-        As the reader of flights makes one, so that every key of flight.toml has its effect.
+    seed : int
+    options : Options
+        Its refraction is replaced by the plan's, as are its slow errors where the plan has any.
 
     Raises
     ------
     FlightError
-        Where the images show no point, or less tie points than asked for.
+        Where the simulator does not have what the plan asks for.
     """
-    in_the_air = over(plan, name, wind=wind)
-    surveyed = in_the_air.surveyed()
-    ties = in_the_air.tie_points() if tie_places is None else in_the_air.ties_at(tie_places)
-    sight = _joined([surveyed, ties])
-    if not sight.shown.any():
-        reason = "lie apart from the strips"
-        raise FlightError([f"{name}: no image shows a point; there are none, or they {reason}"])
-    taken = exposures(plan.blocks[name], wind=wind)
-    tables = BlockTables(
-        name=name,
-        pictures=Path(),
-        images=_images(plan, name, taken),
-        image_points=_image_points(plan, name, taken, sight, len(surveyed.local)),
-        trajectory=_trajectory(plan, name, taken),
-        control=_control(plan, name, surveyed),
-    )
-    return assemble(tables, plan.setup)
+    problems = [*_beyond(plan)]
+    if problems:
+        raise FlightError(problems)
+    slow = _slow(plan.values) or options.slow_errors
+    options = replace(options, refraction=plan.setup.refraction, slow_errors=slow)
+    flight = simulate_plan(simulated(plan, tie_places(plan)), seed, options)
+    return replace(flight, toml=plans.written({"simulated": True, **plans.settings(plan.values)}))
 
 
-def over(plan: Plan, name: str, *, wind: int = 0) -> Over:
-    """Return a planned block in the air."""
-    expected.one_of("name", name, plan.blocks)
-    grid = plan.setup.grid
-    trajectory = _trajectory(plan, name, exposures(plan.blocks[name], wind=wind))
-    frame = mean_origin(grid, lonlat_of(trajectory, grid))
-    return Over(plan=plan, name=name, frame=frame, T_m_b=poses(trajectory, frame))
+def _beyond(plan: Plan) -> Iterator[str]:
+    """Yield the features of a plan that the simulator does not have."""
+    if plan.setup.grid.heights != "ellipsoidal":
+        yield "heights: a simulated flight has ellipsoidal heights; plan it with those"
+    for name, camera in {**plan.setup.cameras, **plan.truth}.items():
+        for key in AFFINITY:
+            if getattr(camera.interior, key) != 0:
+                yield f"cameras.{name}.{key}: the simulator has no {key}; leave it out, or zero"
 
 
-# --- tables ----------------------------------------------------------------------------------
+def _slow(values: Mapping[str, Any]) -> SlowErrors | None:
+    """Return the slowly changing errors of a plan; None where all are white."""
+    apriori, errors = values.get("apriori", {}), {}
+    for sensor in ("gnss", "attitude"):
+        errors[sensor] = float(apriori.get(f"{sensor}_correlated_share", 0.0))
+        if errors[sensor] > 0:
+            errors[f"{sensor}_constant_s"] = float(apriori[f"{sensor}_correlation_s"])
+    return SlowErrors(**errors) if any(errors.values()) else None
 
 
-def _table(
-    file: str, n: int, text: Mapping[str, Sequence[str]], numbers: dict[str, Array] | None = None
-) -> Table:
-    return Table(file=file, lines=np.arange(n), text=text, numbers=numbers or {}, in_memory=True)
-
-
-def _trajectory(plan: Plan, name: str, taken: Exposures) -> Table:
-    east, north = plans.on_map(plan.blocks[name].area, taken.local).T
-    R_grid_b = R_ENU_NED @ rotation_from_rph(np.radians(taken.rph_deg)) @ R_FRD_FLU
-    opk = np.degrees(opk_from_rotation(R_grid_b))
-    numbers = {
-        "east_m": east,
-        "north_m": north,
-        "height_m": plan.terrain.height_m + taken.flying_height_m,
-        **dict(zip(("omega_deg", "phi_deg", "kappa_deg"), opk.T, strict=True)),
-        "time_s": taken.time_s,
-    }
-    return _table("trajectory", len(east), {"exposure": taken.names}, numbers)
-
-
-def _image_names(plan: Plan, name: str, taken: Exposures) -> list[tuple[str, str, str, str]]:
-    """Return image, camera, exposure and strip of every image, exposure by exposure."""
-    cameras = plan.cameras(name)
-    return [
-        (
-            f"{exposure}_{camera.name}" if len(cameras) > 1 else exposure,
-            camera.name,
-            exposure,
-            strip,
-        )
-        for exposure, strip in zip(taken.names, taken.strips, strict=True)
-        for camera in cameras
-    ]
-
-
-def _images(plan: Plan, name: str, taken: Exposures) -> Table:
-    rows = _image_names(plan, name, taken)
-    columns = zip(*rows, strict=True)
-    text = dict(zip(("image", "camera", "exposure", "strip"), columns, strict=True))
-    return _table("images", len(rows), text)
-
-
-def _control(plan: Plan, name: str, surveyed: Visibility) -> Table:
-    n = len(surveyed.local)
-    axes = ("east", "north", "height")
-    numbers = {f"{axis}_m": surveyed.x_g[:, k] for k, axis in enumerate(axes)}
-    numbers |= {
-        f"sigma_{axis}_m": np.full(n, sigma)
-        for axis, sigma in zip(axes, plan.blocks[name].points.sigma_m, strict=True)
-    }
-    return _table("control_points", n, {"point": _point_names(n, n)}, numbers)
-
-
-def _image_points(
-    plan: Plan, name: str, taken: Exposures, sight: Visibility, n_surveyed: int
-) -> Table:
-    images = [row[0] for row in _image_names(plan, name, taken)]
-    points = _point_names(n_surveyed, len(sight.local))
-    exposure, camera, point = np.nonzero(sight.shown.transpose(1, 0, 2))
-    sigma = np.full(len(sight.local), plan.setup.apriori.image_point_px)
-    sigma_px = plan.blocks[name].points.sigma_px
-    if sigma_px is not None:
-        sigma[:n_surveyed] = sigma_px
-    colrow = sight.colrow[camera, exposure, point]
-    text = {
-        "image": [images[i] for i in (exposure * len(sight.shown) + camera).tolist()],
-        "point": [points[i] for i in point.tolist()],
-    }
-    numbers = {"col_px": colrow[:, 0], "row_px": colrow[:, 1], "sigma_px": sigma[point]}
-    return _table("image_points", len(point), text, numbers)
-
-
-def _point_names(n_surveyed: int, n: int) -> list[str]:
-    """Return the names of surveyed points, then of tie points."""
-    surveyed = [f"P{i:02d}" for i in range(1, n_surveyed + 1)]
-    ties = [f"T{i:05d}" for i in range(1, n - n_surveyed + 1)]
-    return [*surveyed, *ties]
-
-
-# --- Where, when and in which attitude a planned block is exposed
+# --- A flight without errors, in one wind
 #
 # An aircraft is never quite on its line, nor level, and that helps to tell lever arm and boresight
-# apart. So the exposures leave the line and the level as much as usual. The simulator moves its
-# aircraft as much, by chance. Here the wind 0 leaves it evenly, and every other wind by chance
-# with its own number: both are the same in every run.
-#
-# The ground speed of a strip is constant: an exposure ahead of its place is late by as much.
+# apart. The simulator moves it by chance. Here the wind 0 moves it evenly, and every other wind by
+# chance with its own number: both are the same in every run.
 
 
-SCATTER_M = np.array([6.0, 8.0, 5.0])
-"""Standard deviations of an exposure's place, forward, left and up."""
-
-MOTION_DEG = np.array([1.1, 0.9, 0.8])
-"""Standard deviations of roll, pitch and yaw."""
-
-IN_TURN = 0.4
-"""Share of the base by which an exposure leaves its place along the strip at most."""
-
-CRAB_DEG = 4.0
-"""Largest angle, by side wind, between heading and course of a strip."""
-
-_STEPS = np.sqrt(np.array([2.0, 3.0, 5.0, 7.0, 11.0, 13.0]))
-"""Their multiples, without whole parts, are spread evenly."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Exposures:
-    """The exposures of a planned block.
-
-    Attributes
-    ----------
-    names, strips : tuple of str
-    local : ndarray, shape (n, 2)
-        Forward and left of the block's middle, m.
-    flying_height_m, course_deg, time_s : ndarray, shape (n,)
-    rph_deg : ndarray, shape (n, 3)
-        Roll, pitch, heading from grid north.
-    """
-
-    names: tuple[str, ...]
-    strips: tuple[str, ...]
-    local: Array
-    flying_height_m: Array
-    course_deg: Array
-    time_s: Array
-    rph_deg: Array
-
-
-def exposures(planned: PlannedBlock, *, wind: int = 0) -> Exposures:
-    """Return where a block is exposed, strip by strip.
+def exact(plan: Plan, places: Mapping[str, Array], *, wind: int = 0) -> dict[str, Block]:
+    """Return the blocks of a plan, flown without errors.
 
     Parameters
     ----------
-    planned : PlannedBlock
+    plan : Plan
+        Its true cameras are not used.
+    places : dict of str to ndarray
+        Of its tie points, as `tie_places` returns them.
     wind : int
-        Number of the wind that moves it.
+        Number of the wind that moves the aircraft.
+
+    Raises
+    ------
+    FlightError
+        Where the images of a block show no point.
     """
-    strips = tuple(planned.strips.values())
+    of_plan = simulated(replace(plan, truth={}), places, wind=wind)
+    tables = simulate_plan(of_plan, 0, replace(EXACT, refraction=plan.setup.refraction)).tables
+    by_block: dict[str, dict[str, pd.DataFrame]] = {name: {} for name in plan.blocks}
+    for path, table in tables.items():
+        block, _, file = path.rpartition("/")
+        if block:
+            by_block[block][file.removesuffix(".csv")] = table
+    for name, of_block in by_block.items():
+        points, sigma_px = of_block["image_points"], plan.blocks[name].points.sigma_px
+        if points.empty:
+            reason = "lie apart from the strips"
+            raise FlightError([f"{name}: no image shows a point; there are none, or they {reason}"])
+        if sigma_px is not None and name != "validation":
+            surveyed = points["point"].str.startswith("P")
+            points["sigma_px"] = np.where(surveyed, sigma_px, plan.setup.apriori.image_point_px)
+    values = {**plans.settings(plan.values), "heights": "ellipsoidal"}
+    control = tables.get("control_points.csv")
+    return dict(reader.from_tables(values, control_points=control, **by_block).blocks)
+
+
+def _motion(strips: Sequence[plans.Strip], wind: int) -> Array:
+    """Return how a wind moves every exposure, as `BlockPlan.motion` has it, shape (n, 7)."""
     counts = [strip.n_exposures for strip in strips]
-    names = tuple(name for name, n in zip(planned.strips, counts, strict=True) for _ in range(n))
-    number = np.concatenate([np.arange(n) for n in counts])
-    course = np.repeat([strip.course_deg for strip in strips], counts)
-    base = np.repeat([strip.base_m for strip in strips], counts)
-    speed = np.repeat([strip.speed_m_s for strip in strips], counts)
-    moved, crab = _winds(len(names), len(strips), wind)
-    ahead = np.clip(SCATTER_M[0] * moved[:, 0], -IN_TURN * base, IN_TURN * base)
-    aside = SCATTER_M[1] * moved[:, 1]
-    heading = course + CRAB_DEG * np.repeat(crab, counts)
-    return Exposures(
-        names=tuple(f"{name}-{i + 1:02d}" for name, i in zip(names, number, strict=True)),
-        strips=names,
-        local=np.concatenate([_along(strip, planned.area.course_deg) for strip in strips])
-        + _turned(np.column_stack([ahead, aside]), course - planned.area.course_deg),
-        flying_height_m=np.repeat([strip.flying_height_m for strip in strips], counts)
-        + moved[:, 2] * SCATTER_M[2],
-        course_deg=course,
-        time_s=np.repeat(_begins(strips), counts) + (number * base + ahead) / speed,
-        rph_deg=moved[:, 3:] * MOTION_DEG + heading[:, None] * np.array([0.0, 0.0, 1.0]),
-    )
+    n = sum(counts)
+    if wind:
+        rng = np.random.default_rng(wind)
+        moved, crab = rng.standard_normal((n, 6)), rng.uniform(-1.0, 1.0, len(counts))
+    else:
+        normal = NormalDist()
+        moved = np.array([normal.inv_cdf(max(x, 1e-9)) for x in _spread(n).ravel().tolist()])
+        crab = _spread(len(counts))[:, 0] * 2 - 1
+    return np.column_stack([moved.reshape(n, 6), np.repeat(crab, counts)])
 
 
-def _winds(n: int, n_strips: int, wind: int) -> tuple[Array, Array]:
-    """Return numbers of a normal distribution, at most 2, (n, 6), and from -1 to 1, (n_strips,)."""
-    if wind == 0:
-        return _unsteady(n), _evenly(n_strips)[:, 0] * 2 - 1
-    rng = np.random.default_rng(wind)
-    return np.clip(rng.standard_normal((n, 6)), -2.0, 2.0), rng.uniform(-1.0, 1.0, n_strips)
-
-
-def _evenly(n: int) -> Array:
+def _spread(n: int) -> Array:
     """Return numbers from 0 to 1 that are spread evenly in every column, shape (n, 6)."""
-    return (np.arange(1, n + 1)[:, None] * _STEPS) % 1
+    steps = np.sqrt(np.array([2.0, 3.0, 5.0, 7.0, 11.0, 13.0]))
+    spread: Array = (np.arange(1, n + 1)[:, None] * steps) % 1
+    return spread
 
 
-def _unsteady(n: int) -> Array:
-    """Return numbers of a normal distribution, at most 2, without chance, shape (n, 6)."""
-    normal = NormalDist()
-    values = [normal.inv_cdf(max(share, 1e-9)) for share in _evenly(n).ravel().tolist()]
-    return np.clip(values, -2.0, 2.0).reshape(n, 6)
-
-
-def _turned(along: Array, turn_deg: Array) -> Array:
-    """Return ahead and aside of strips as forward and left of the block, shape (n, 2)."""
-    c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
-    return np.column_stack([c * along[:, 0] + s * along[:, 1], c * along[:, 1] - s * along[:, 0]])
-
-
-def flying_time_s(strips: tuple[Strip, ...]) -> float:
-    """Return the time from the first exposure to the last, turns included."""
-    if not strips:
-        return 0.0
-    return float(_begins(strips)[-1]) + _on_strip(strips[-1])
-
-
-def _on_strip(strip: Strip) -> float:
-    return (strip.n_exposures - 1) * strip.base_m / strip.speed_m_s
-
-
-def _begins(strips: tuple[Strip, ...]) -> Array:
-    """Return the time of the first exposure of every strip."""
-    steps = [0.0, *(_on_strip(strip) + TURN_S for strip in strips[:-1])]
-    return np.cumsum(np.array(steps))
-
-
-def _along(strip: Strip, block_course_deg: float) -> Array:
-    """Return the places of a strip's exposures, forward and left of the block's middle."""
-    n = strip.n_exposures
-    way = (np.arange(n) - (n - 1) / 2) * strip.base_m
-    turn = np.full(n, strip.course_deg - block_course_deg)
-    return np.array([strip.forward_m, strip.left_m]) + _turned(
-        np.column_stack([way, np.zeros(n)]), turn
-    )
-
-
-# --- Which images show which points of the ground, and the tie points that follow from it
+# --- Tie points of a plan
 #
-# - Tie points fill their area evenly, one after the other, until every camera has as many as are
-#   asked for in three images or more; those that no camera has in three images do not count.
-# - Every image that shows a point measures it, if it is not nearer to the edge than `MARGIN_PX`.
-# - Where the points of a synthetic image are measured in heads, its frame decides what is shown.
-#
-# A simulated flight of the plan gets the same tie points; its images are moved by wind.
+# They fill their area evenly, one after the other, until every camera has as many as are asked for
+# in three images or more; those that no camera has in three images do not count.
 
-
-MARGIN_PX = 25.0
-"""Nothing is measured nearer to the edge of an image."""
 
 LEAST_RAYS = 3
 """Number of images of one camera in which a tie point must be."""
-
-REACH = 1.3
-"""Radius around an image's middle, in half diagonals, outside which no point is projected."""
 
 MOST_BATCHES = 30
 """Largest number of batches of tried points, each as many as are asked for."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Visibility:
-    """Points, and where they are measured.
+def tie_places(plan: Plan) -> dict[str, Array]:
+    """Return by block where tie points are tried, forward and left of its middle, m, (n, 2).
 
-    Attributes
-    ----------
-    local : ndarray, shape (n, 2)
-        Forward and left of the block's middle, m.
-    x_g : ndarray, shape (n, 3)
-        East, north, height, m.
-    shown : ndarray of bool, shape (n_cameras, n_exposures, n)
-        In which images they are measured.
-    colrow : ndarray, shape (n_cameras, n_exposures, n, 2)
-        Pixels; NaN where far outside the image.
-    deciding : ndarray of bool
-        As `shown`, in the images that decide what is measured: those of the frame, or all.
+    Raises
+    ------
+    FlightError
+        Where the images show less than are asked for.
     """
-
-    local: Array
-    x_g: Array
-    shown: Mask
-    colrow: Array
-    deciding: Mask
-
-    def __getitem__(self, keep: Index | Mask) -> Visibility:
-        """Select points."""
-        return Visibility(
-            local=self.local[keep],
-            x_g=self.x_g[keep],
-            shown=self.shown[:, :, keep],
-            colrow=self.colrow[:, :, keep],
-            deciding=self.deciding[:, :, keep],
-        )
+    of_plan = simulated(replace(plan, truth={}), {}, wind=0)
+    return {
+        name: _tie_places(plan, of_plan, name)
+        for name, block in plan.blocks.items()
+        if block.tie_points
+    }
 
 
-def _joined(sights: list[Visibility]) -> Visibility:
-    """Return the points of several `Visibility`, one after the other."""
-    return Visibility(
-        local=np.concatenate([s.local for s in sights]),
-        x_g=np.concatenate([s.x_g for s in sights]),
-        shown=np.concatenate([s.shown for s in sights], axis=2),
-        colrow=np.concatenate([s.colrow for s in sights], axis=2),
-        deciding=np.concatenate([s.deciding for s in sights], axis=2),
+def _tie_places(plan: Plan, flown_plan: designs.Plan, name: str) -> Array:
+    block, wanted = flown_plan.blocks[name], plan.blocks[name].tie_points
+    deciding = (block.frame,) if block.frame else block.cameras
+    rng = np.random.default_rng(0)  # of no use in an even wind
+    track = fly(flown_plan, block, rng)
+    low, high = _tie_area(plan, name, scattered(block, rng)[0])
+    n_good = np.zeros(len(deciding), dtype=int)
+    for batch in range(MOST_BATCHES):
+        places = low + (high - low) * plans.evenly(wanted, first=1 + batch * wanted)
+        x_g = ground_points(flown_plan, block, places)
+        good = look(flown_plan, deciding, track, x_g).seen.sum(axis=1) >= LEAST_RAYS
+        so_far = n_good[:, None] + np.cumsum(good, axis=1)
+        enough = np.all(so_far >= wanted, axis=0)
+        if enough.any():
+            n = batch * wanted + int(np.argmax(enough)) + 1
+            return low + (high - low) * plans.evenly(n)
+        n_good = so_far[:, -1]
+    reason = f"{name}.tie_points: of {wanted}, three images of every camera show only"
+    raise FlightError([f"{reason} {n_good.min()}; ask for less, or for a larger overlap"])
+
+
+def _tie_area(plan: Plan, name: str, exposed: Array) -> tuple[Array, Array]:
+    """Return the least and the largest forward and left of the area with tie points."""
+    block = plan.blocks[name]
+    if block.tie_area_m is not None:
+        half = 0.5 * np.array(block.tie_area_m)
+        return -half, half
+    camera = plan.frame(name) or plan.cameras(name)[0]
+    local, height = exposed[:, :2], exposed[:, 2]
+    counts = [strip.n_exposures for strip in block.strips.values()]
+    courses = np.repeat([strip.course_deg for strip in block.strips.values()], counts)
+    turn = np.radians(courses - block.area.course_deg)
+    along = image_length_m(camera, 1.0) * height
+    across = image_length_m(camera, 1.0, across=True) * height
+    c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+    half = 0.5 * np.column_stack([c * along + s * across, s * along + c * across])
+    return (local - half).min(axis=0), (local + half).max(axis=0)
+
+
+# --- A plan as the simulator takes it
+
+
+def simulated(plan: Plan, places: Mapping[str, Array], *, wind: int | None = None) -> designs.Plan:
+    """Return the simulator's plan of a plan, with given places of tie points.
+
+    Parameters
+    ----------
+    plan : Plan
+    places : mapping of str to ndarray
+    wind : int, optional
+        As `exact` takes it; by default every seed has its own.
+    """
+    setup, synthetic = plan.setup, plan.setup.synthetic
+    apriori = setup.apriori
+    return designs.Plan(
+        name=setup.name,
+        draws="plan",
+        title=setup.name,
+        crs=setup.grid.crs,
+        ground_m=plan.height_m,
+        relief=plan.relief_m / RELIEF_M,
+        cameras={name: _camera(plan.truth.get(name, c)) for name, c in setup.cameras.items()},
+        approximate={name: _approximate(plan.values, name) for name in setup.cameras},
+        noise=Noise(
+            image_px=apriori.image_point_px,
+            gnss_horizontal_m=apriori.gnss_horizontal_m,
+            gnss_vertical_m=apriori.gnss_vertical_m,
+            roll_pitch_deg=apriori.roll_pitch_deg,
+            heading_deg=apriori.heading_deg,
+            control_m=plan.control.sigma_m,
+        ),
+        angles="geodetic",
+        control=plans.places(plan.control).astype(np.float64),
+        blocks={
+            name: _block(plan, block, places.get(name), wind) for name, block in plan.blocks.items()
+        },
+        synthetic=synthetic.camera if synthetic else "",
+        heads=synthetic.heads if synthetic else (),
+        head_angles_deg=_head_angles(plan),
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Over:
-    """A planned block in the air.
-
-    Attributes
-    ----------
-    plan : Plan
-    name : str
-        Of the block.
-    frame : MappingFrame
-    T_m_b : Pose
-        Of the exposures.
-    """
-
-    plan: Plan
-    name: str
-    frame: MappingFrame
-    T_m_b: Pose
-
-    def surveyed(self) -> Visibility:
-        """Return the surveyed points and their visibility."""
-        return self.see(plans.places(self.plan.blocks[self.name].points))
-
-    def see(self, local: Array) -> Visibility:
-        """Return the visibility of points at places forward and left of the block's middle."""
-        x_g = plans.on_ground(self.plan, self.plan.blocks[self.name].area, local)
-        x_m = self.frame.from_grid(x_g)
-        parts = [self._in(camera, x_m) for camera in self.plan.cameras(self.name)]
-        shown = np.stack([part[0] for part in parts])
-        frame = self.plan.frame(self.name)
-        deciding = shown if frame is None else self._in(frame, x_m)[0][None]
-        return Visibility(
-            local=local,
-            x_g=x_g,
-            shown=shown & deciding,
-            colrow=np.stack([part[1] for part in parts]),
-            deciding=deciding,
-        )
-
-    def _in(self, camera: Camera, x_m: Array) -> tuple[Mask, Array]:
-        """Return a camera's visibility of points, shape (n_images, n_points), and their pixels."""
-        T_m_c = self.T_m_b @ camera.T_b_c
-        exposure, point = np.nonzero(_near(camera, T_m_c, x_m))
-        apparent = as_seen(T_m_c.r[exposure], x_m[point], refraction=self.plan.setup.refraction)
-        projected = project(camera, T_m_c[exposure], apparent)
-        shown = np.zeros((len(T_m_c), len(x_m)), dtype=bool)
-        shown[exposure, point] = border_distance(camera, projected) >= MARGIN_PX
-        colrow = np.full((*shown.shape, 2), np.nan)
-        colrow[exposure, point] = projected
-        return shown, colrow
-
-    def tie_points(self) -> Visibility:
-        """Return the tie points and their visibility.
-
-        Raises
-        ------
-        FlightError
-            Where the images show less than are asked for.
-        """
-        return self._tried()[0]
-
-    def tie_places(self) -> Array:
-        """Return all places that were tried for tie points, forward and left, m, (n, 2)."""
-        return self._evenly(self._tried()[1], first=1)
-
-    def ties_at(self, places: Array) -> Visibility:
-        """Return the visibility of the places that are in three images of a camera."""
-        sight = self.see(places)
-        return sight[(sight.deciding.sum(axis=1) >= LEAST_RAYS).any(axis=0)]
-
-    def _tried(self) -> tuple[Visibility, int]:
-        """Return the visibility of the tie points, and how many places were tried for them."""
-        wanted = self.plan.blocks[self.name].tie_points
-        kept = [self.see(np.empty((0, 2)))]
-        n_good = np.zeros(len(kept[0].deciding), dtype=int)
-        for batch in range(MOST_BATCHES if wanted else 0):
-            sight = self.see(self._evenly(wanted, first=1 + batch * wanted))
-            good = sight.deciding.sum(axis=1) >= LEAST_RAYS
-            so_far = n_good[:, None] + np.cumsum(good, axis=1)
-            enough = np.all(so_far >= wanted, axis=0)
-            upto = int(np.argmax(enough)) + 1 if enough.any() else wanted
-            kept.append(sight[np.flatnonzero(good[:, :upto].any(axis=0))])
-            if enough.any():
-                return _joined(kept), batch * wanted + upto
-            n_good = so_far[:, -1]
-        if wanted:
-            reason = f"{self.name}.tie_points: of {wanted}, three images of every camera show only"
-            raise FlightError([f"{reason} {n_good.min()}; ask for less, or for a larger overlap"])
-        return _joined(kept), 0
-
-    def _evenly(self, n: int, *, first: int) -> Array:
-        low, high = self._tie_area()
-        return low + (high - low) * plans.evenly(n, first=first)
-
-    def _tie_area(self) -> tuple[Array, Array]:
-        """Return the least and the largest forward and left of the area with tie points."""
-        planned = self.plan.blocks[self.name]
-        if planned.tie_area_m is not None:
-            half = 0.5 * np.array(planned.tie_area_m)
-            return -half, half
-        camera = self.plan.frame(self.name) or self.plan.cameras(self.name)[0]
-        taken = exposures(planned)
-        turn = np.radians(taken.course_deg - planned.area.course_deg)
-        along = image_length_m(camera, 1.0) * taken.flying_height_m
-        across = image_length_m(camera, 1.0, across=True) * taken.flying_height_m
-        c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-        half = 0.5 * np.column_stack([c * along + s * across, s * along + c * across])
-        return (taken.local - half).min(axis=0), (taken.local + half).max(axis=0)
+def _camera(camera: cameras.Camera) -> Camera:
+    interior = {
+        f"{name}_mm" if name in ("f", "xp", "yp") else name: getattr(camera.interior, name)
+        for name in cameras.INTERIOR
+        if name not in AFFINITY
+    }
+    omega, phi, kappa = np.degrees(camera.T_b_c.opk).tolist()
+    x, y, z = camera.T_b_c.r.tolist()
+    return Camera(
+        width_px=camera.width_px,
+        height_px=camera.height_px,
+        pixel_um=1000.0 * camera.pixel_mm,
+        boresight_deg=(omega, phi, kappa),
+        lever_m=(x, y, z),
+        **interior,
+    )
 
 
-def _near(camera: Camera, T_m_c: Pose, x_m: Array) -> Mask:
-    """Return which points lie in a cone around the images' axes, shape (n_images, n_points)."""
-    ray = x_m - T_m_c.r[:, None]
-    along = -np.einsum("npi,ni->np", ray, T_m_c.R[:, :, 2])
-    tangent = REACH * 0.5 * camera.pixel_mm * camera.diagonal_px / camera.interior.f
-    aside_sq = np.einsum("npi,npi->np", ray, ray) - along**2
-    return (along > 0) & (aside_sq < (tangent * along) ** 2)
+def _approximate(values: Mapping[str, Any], name: str) -> dict[str, float]:
+    size = ("width_px", "height_px", "pixel_um")
+    return {key: value for key, value in values["cameras"][name].items() if key not in size}
+
+
+def _block(plan: Plan, block: PlannedBlock, places: Array | None, wind: int | None) -> BlockPlan:
+    """Return a block; only a validation has points of its own."""
+    points, frame, area = block.points, plan.frame(block.name), block.area
+    target_px = points.sigma_px or plan.setup.apriori.image_point_px
+    strips = tuple(block.strips.values())
+    return BlockPlan(
+        letter=block.name[0].upper(),
+        cameras=tuple(camera.name for camera in plan.cameras(block.name)),
+        frame=frame.name if frame else "",
+        centre_m=(area.east_m, area.north_m),
+        azimuth_deg=area.course_deg,
+        strips=tuple(
+            designs.Strip(
+                n=strip.n_exposures,
+                height_m=strip.flying_height_m,
+                base_m=strip.base_m,
+                turn_deg=strip.course_deg - area.course_deg,
+                forward_m=strip.forward_m,
+                left_m=strip.left_m,
+                speed_m_s=strip.speed_m_s,
+                name=name,
+            )
+            for name, strip in block.strips.items()
+        ),
+        start_s=START_S[block.name],
+        tie_points=0,
+        tie_area_m=(0.0, 0.0),
+        tie_places=places,
+        motion=None if wind is None else _motion(strips, wind),
+        targets=(
+            plans.places(points).astype(np.float64)
+            if block.name == "validation"
+            else np.empty((0, 2))
+        ),
+        target_m=points.sigma_m,
+        target_px=(target_px, target_px),
+    )
+
+
+def _head_angles(plan: Plan) -> dict[str, tuple[float, float, float]]:
+    """Return the angles of the heads in the synthetic frame, degrees; of one camera, none."""
+    setup = plan.setup
+    if setup.synthetic is None:
+        return {}
+    R_s_b = setup.cameras[setup.synthetic.camera].T_b_c.R.T
+    out = {}
+    for name in setup.synthetic.heads:
+        head = plan.truth.get(name, setup.cameras[name])
+        omega, phi, kappa = np.degrees(opk_from_rotation(R_s_b @ head.T_b_c.R)).tolist()
+        out[name] = (omega, phi, kappa)
+    return out

@@ -88,13 +88,6 @@ class Strip:
     left_m: float = 0.0
     speed_m_s: float = SPEED_M_S
 
-    def __post_init__(self) -> None:
-        for name in ("flying_height_m", "base_m", "speed_m_s"):
-            expected.positive(name, getattr(self, name))
-        expected.positive("length_m", self.length_m, zero=True)
-        for name in ("course_deg", "forward_m", "left_m"):
-            expected.finite(name, getattr(self, name))
-
     @property
     def n_exposures(self) -> int:
         """Number of exposures, one at least."""
@@ -128,22 +121,6 @@ class Area:
     east_m: float
     north_m: float
     course_deg: float = 0.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Terrain:
-    """Smooth hills.
-
-    Attributes
-    ----------
-    height_m : float
-        Mean, in the flight's height system.
-    relief_m : float
-        Root mean square of the heights over and under the mean.
-    """
-
-    height_m: float
-    relief_m: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,7 +192,8 @@ class Plan:
         What flight.toml says.
     values : dict
         The plan as its file has it.
-    terrain : Terrain
+    height_m, relief_m : float
+        Mean of the ground, in the flight's height system, and root mean square of its hills.
     control : Points
         Those of the blocks heads and calibration.
     blocks : dict of str to PlannedBlock
@@ -227,7 +205,8 @@ class Plan:
 
     setup: Setup
     values: Mapping[str, Any]
-    terrain: Terrain
+    height_m: float
+    relief_m: float
     control: Points
     blocks: Mapping[str, PlannedBlock]
     truth: Mapping[str, Camera] = field(default_factory=dict)
@@ -257,16 +236,15 @@ class Plan:
         block : str
         """
         expected.one_of("block", block, self.blocks)
-        listed = [*(strips.values() if isinstance(strips, Mapping) else strips)]
-        names = strips if isinstance(strips, Mapping) else map(str, range(1, len(listed) + 1))
-        by_name = dict(zip(names, listed, strict=True))
+        if not isinstance(strips, Mapping):
+            strips = {str(number): strip for number, strip in enumerate(strips, 1)}
         tables = {
             name: {key: value for key, value in asdict(strip).items() if value or key not in PLACE}
-            for name, strip in by_name.items()
+            for name, strip in strips.items()
         }
         return replace(
             self,
-            blocks={**self.blocks, block: replace(self.blocks[block], strips=by_name)},
+            blocks={**self.blocks, block: replace(self.blocks[block], strips=dict(strips))},
             values={**self.values, block: {**self.values.get(block, {}), "strips": tables}},
         )
 
@@ -281,20 +259,20 @@ class Plan:
             Length forward and width left of the rectangle; by default that of the plan's own.
         """
         expected.one_of("number", number, range(10))
-        points = replace(
-            self.control,
-            layout="corners",
-            number=(number,),
-            area_m=self.control.area_m if area_m is None else area_m,
-        )
-        table = {"layout": "corners", "number": number, "area_m": [*points.area_m]}
-        control = {**table, "play_m": points.play_m, "sigma_m": [*points.sigma_m]}
+        table = {
+            "layout": "corners",
+            "number": number,
+            "area_m": [*(area_m or self.control.area_m)],
+            "play_m": self.control.play_m,
+            "sigma_m": [*self.control.sigma_m],
+        }
+        points = replace(_points(table), sigma_px=self.control.sigma_px)
         blocks = {
             name: block if name == "validation" else replace(block, points=points)
             for name, block in self.blocks.items()
         }
         return replace(
-            self, control=points, blocks=blocks, values={**self.values, "control": control}
+            self, control=points, blocks=blocks, values={**self.values, "control": table}
         )
 
     def frame(self, block: str) -> Camera | None:
@@ -374,7 +352,7 @@ def read(path: str | Path) -> Plan:
     FlightError
         With all problems, one line each.
     """
-    return checked(read_toml(expected.path("path", path), needed_by="planning"))
+    return checked(read_toml(Path(path), needed_by="planning"))
 
 
 def from_values(values: Mapping[str, Any]) -> Plan:
@@ -399,9 +377,8 @@ def _plan(toml: Toml, setup: Setup) -> Plan:
     plan = Plan(
         setup=setup,
         values=toml.values,
-        terrain=Terrain(
-            height_m=float(field["height_m"]), relief_m=float(field.get("relief_m", 0.0))
-        ),
+        height_m=float(field["height_m"]),
+        relief_m=float(field.get("relief_m", 0.0)),
         control=_points(toml.table("control")),
         blocks={},
         truth={
@@ -664,7 +641,7 @@ PLAN: Entries = {
             "relief_m": number(Range(0.0, 3000.0)),
         },
         required=("east_m", "north_m", "height_m"),
-        default=defaults(Area) | defaults(Terrain),
+        default={"course_deg": 0.0, "relief_m": 0.0},
     ),
     "control": _POINTS,
     **dict.fromkeys(BLOCKS, _CALIBRATION),
@@ -695,24 +672,8 @@ def _problems(toml: Toml) -> Iterator[Problem]:
     yield from toml.problems or table.problems(toml)
 
 
-# --- The ground of a plan: hills, and where points lie on it. The same in every run
-#
-# The simulator has the same rules, written for itself: see `acx4sim.earth.terrain_height`.
+# --- Where points lie on the ground; the same in every run
 
-
-WAVES = (
-    (30.0, 4300.0, 20.0, 0.4),
-    (23.0, 2650.0, 105.0, 2.1),
-    (15.0, 1480.0, 62.0, 4.0),
-    (8.0, 830.0, 151.0, 1.2),
-    (3.0, 310.0, 85.0, 5.3),
-)
-"""The hills are a sum of sines: amplitude (m), wavelength (m), azimuth (degrees), phase."""
-
-RELIEF_M = float(np.sqrt(sum(wave[0] ** 2 for wave in WAVES) / 2))
-"""Root mean square of the hills as they stand; a plan's relief multiplies them."""
-
-METRES_PER_RAD = 6.37e6
 
 STEPS = np.array([0.7548776662, 0.5698402910])
 """Multiples of these, without their whole parts, fill a square evenly (the sequence R2)."""
@@ -770,24 +731,3 @@ def on_map(area: Area, local: Array) -> Array:
     forward = np.array([np.sin(course), np.cos(course)])
     left = np.array([-forward[1], forward[0]])
     return np.array([area.east_m, area.north_m]) + local[:, :1] * forward + local[:, 1:2] * left
-
-
-def on_ground(plan: Plan, area: Area, local: Array) -> Array:
-    """Return east, north and height of the ground at positions of an area, m, shape (n, 3)."""
-    en = on_map(area, local)
-    lon, lat = np.radians(plan.setup.grid.lonlat_from_grid(en)).T
-    return np.column_stack([en, heights(lon, lat, plan)])
-
-
-def heights(lon: Array, lat: Array, plan: Plan) -> Array:
-    """Return the heights of the hills at longitudes and latitudes in radians, m, shape (n,)."""
-    out = np.full(len(lon), plan.terrain.height_m)
-    if len(lon) == 0:
-        return out
-    east, north = METRES_PER_RAD * np.cos(lat.mean()) * lon, METRES_PER_RAD * lat
-    for amplitude, wavelength, azimuth_deg, phase in WAVES:
-        azimuth = np.radians(azimuth_deg)
-        way = east * np.sin(azimuth) + north * np.cos(azimuth)
-        high = plan.terrain.relief_m / RELIEF_M * amplitude
-        out += high * np.sin(2 * np.pi * way / wavelength + phase)
-    return out

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from acx4book.planning import plan
-from acx4book.planning.design import PARTS, Design, Expected, Outcome
+from acx4book.planning.design import Design
 from acx4book.planning.flown import flying_time_s
 from acx4book.planning.plan import PlannedBlock
 from acx4files.flight.reader import area_notes
@@ -21,7 +21,6 @@ from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration import determination, trajectory_errors
 from acx4lib.calibration.determination import detectable
 from acx4lib.calibration.estimates import (
-    Calibration,
     Parameter,
     features,
     from_bundle,
@@ -32,7 +31,6 @@ from acx4lib.calibration.estimates import (
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import REPORTED
 from acx4lib.georeferencing import budget, weak
-from acx4lib.georeferencing.weak import Weak
 from acx4lib.least_squares.covariance import correlation, sigmas
 from acx4lib.least_squares.statistics import norm_ppf
 
@@ -61,75 +59,19 @@ RELIABILITY = (
 )
 """Columns of `reliability_table`."""
 
+PARTS = ("points", "pairs")
+"""Differences at check points: from all rays of a point, and from every pair of them."""
+
 
 def unknowns(bundle: Bundle) -> list[Parameter]:
     """Return the wanted unknowns of a bundle: those of the cameras, then errors of GNSS."""
     return [*parameters(from_bundle(bundle)), *trajectory_errors.parameters(bundle)]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Predicted:
-    """The wanted unknowns of one method, on average over the winds.
-
-    Attributes
-    ----------
-    bundle : Bundle
-        Of one wind.
-    calibration : Calibration
-    cov : ndarray, shape (n, n)
-        As `trajectory_errors.reported_covariance` has it.
-    spread : ndarray, shape (n,)
-        By what share sigma differs from flight to flight.
-    """
-
-    bundle: Bundle
-    calibration: Calibration
-    cov: Array
-    spread: Array
-
-    @property
-    def listed(self) -> list[Parameter]:
-        """The unknowns, with sigma a priori."""
-        of_trajectory = trajectory_errors.parameters(self.bundle, self.cov)
-        return [*parameters(self.calibration), *of_trajectory]
-
-    @property
-    def determined(self) -> list[bool]:
-        """Whether each is determined."""
-        of_trajectory = trajectory_errors.is_determined(self.bundle, self.cov)
-        return [*is_determined(self.calibration), *of_trajectory]
-
-    @property
-    def related(self) -> Array:
-        """Correlations, shape (n, n)."""
-        return correlation(self.cov)
-
-
-def _predicted(design: Design, method: str) -> _Predicted:
-    """Return the wanted unknowns of a method."""
-    bundle = design.mountings[method].bundle
-    open_columns = [outcome.open[method] for outcome in design.outcomes]
-    cov = np.mean([outcome.calibrations[method] for outcome in design.outcomes], axis=0)
-    return _Predicted(
-        bundle=bundle,
-        calibration=replace(
-            from_bundle(bundle), cov=cov, open_columns=np.any(open_columns, axis=0)
-        ),
-        cov=_mean_covariance(design.outcomes, method),
-        spread=_spread(design.outcomes, method),
-    )
-
-
-def _spread(outcomes: Sequence[Outcome], method: str) -> Array:
-    """Return the relative spread of the unknowns' sigma over the winds, shape (n,)."""
-    sigma = np.array([sigmas(outcome.covariances[method]) for outcome in outcomes])
-    mean = sigma.mean(axis=0)
-    return sigma.std(axis=0, ddof=1) / mean if len(sigma) > 1 else np.full(len(mean), np.nan)
-
-
-def _mean_covariance(outcomes: Sequence[Outcome], method: str) -> Array:
-    """Return the mean covariance of the wanted unknowns, shape (n, n)."""
-    return np.mean([outcome.covariances[method] for outcome in outcomes], axis=0)
+def _listed(design: Design, method: str, cov: Array) -> list[Parameter]:
+    """Return the unknowns of a method with sigma a priori, the mean of winds."""
+    of_trajectory = trajectory_errors.parameters(design.mountings[method].bundle, cov)
+    return [*parameters(design.calibration(method)), *of_trajectory]
 
 
 def parameter_table(design: Design) -> pd.DataFrame:
@@ -141,55 +83,46 @@ def parameter_table(design: Design) -> pd.DataFrame:
         `value` is the plan's, and sigma a priori, infinite where the design says nothing.
         `determined` says whether the design determines it; `spread` by what share sigma differs
         from flight to flight; `detectable_change` is the smallest that a second campaign of the
-        same plan finds in 80 %; `correlation` is the largest, and `correlated_with` the unknown
-        that it is with.
+        same plan finds in 80 %, tested alone at 5 %; `correlation` is the largest, and
+        `correlated_with` the unknown that it is with.
     """
-    parts = [_parameters(method, _predicted(design, method)) for method in design.mountings]
+    parts = [_parameters(design, method) for method in design.mountings]
     return pd.concat(parts) if parts else pd.DataFrame(columns=[*COLUMNS["parameters"], *ADDED])
 
 
-def _parameters(method: str, predicted: _Predicted) -> pd.DataFrame:
-    listed = predicted.listed
-    related = predicted.related.copy()
-    np.fill_diagonal(related, 0.0)
+def _parameters(design: Design, method: str) -> pd.DataFrame:
+    of_winds = design.covariances(method)
+    cov = of_winds.mean(axis=0)
+    listed = _listed(design, method, cov)
+    table = parameter_tables("mounting", method, listed, cov)["parameters"]
+    if not listed:
+        return table.reindex(columns=[*table.columns, *ADDED])
+    related = correlation(cov) - np.eye(len(cov))
     most = np.argmax(np.abs(related), axis=1)
-    tables = parameter_tables("mounting", method, listed, predicted.cov)
-    return tables["parameters"].assign(
-        determined=predicted.determined,
-        spread=predicted.spread,
-        detectable_change=[_smallest_change(p.sigma) for p in listed],
+    sigma = np.array([sigmas(one) for one in of_winds])
+    several = len(sigma) > 1
+    # the difference of two campaigns has the variance 2 sigma^2
+    change = np.sqrt(2) * (norm_ppf(POWER) - norm_ppf(FOUND_AT / 2))
+    bundle = design.mountings[method].bundle
+    return table.assign(
+        determined=[
+            *is_determined(design.calibration(method)),
+            *trajectory_errors.is_determined(bundle, cov),
+        ],
+        spread=sigma.std(axis=0, ddof=1) / sigma.mean(axis=0) if several else np.nan,
+        detectable_change=change * table["sigma"],
         correlation=related[np.arange(len(listed)), most],
         correlated_with=[listed[j].full_name for j in most],
     )
 
 
-def _smallest_change(sigma: float) -> float:
-    """Return the change of a parameter that a second campaign of the same plan finds in 80 %.
-
-    The difference of two independent campaigns has the variance 2 sigma^2. It is tested alone, two
-    sided, at 5 %, with covariances a priori.
-    """
-    both = -norm_ppf(FOUND_AT / 2) + norm_ppf(POWER)
-    return float(both * np.sqrt(2) * sigma)
-
-
-def correlation_table(design: Design) -> pd.DataFrame:
-    """Return the correlations of the wanted unknowns, with the columns of covariance.csv."""
-    return _matrices(design, lambda predicted: predicted.related)
-
-
 def covariance_table(design: Design) -> pd.DataFrame:
     """Return the covariances of the wanted unknowns, with the columns of covariance.csv."""
-    return _matrices(design, lambda predicted: predicted.cov)
-
-
-def _matrices(design: Design, matrix_of: Callable[[_Predicted], Array]) -> pd.DataFrame:
-    """Return a matrix of the wanted unknowns of every method as rows."""
     parts = []
     for method in design.mountings:
-        predicted = _predicted(design, method)
-        tables = parameter_tables("mounting", method, predicted.listed, matrix_of(predicted))
-        parts.append(tables["covariance"])
+        cov = design.covariances(method).mean(axis=0)
+        listed = _listed(design, method, cov)
+        parts.append(parameter_tables("mounting", method, listed, cov)["covariance"])
     return pd.concat(parts) if parts else pd.DataFrame(columns=[*COLUMNS["covariance"]])
 
 
@@ -205,6 +138,7 @@ def reliability_table(design: Design) -> pd.DataFrame:
     rows = []
     for method, mounting in design.mountings.items():
         for error in detectable(mounting.bundle):
+            camera, _, key = error.on.rpartition("/")
             bias = unit_of(error.kind, error.component) * error.bias
             rows.append(
                 (
@@ -217,52 +151,69 @@ def reliability_table(design: Design) -> pd.DataFrame:
                     float(np.median(bias)),
                     float(bias.max()),
                     error.effect,
-                    _reported(error.on),
+                    f"{camera}/{REPORTED[key][0]}" if key else "",
                 )
             )
     return pd.DataFrame(rows, columns=list(RELIABILITY))
 
 
-def _reported(name: str) -> str:
-    """Return a column's name as results have it."""
-    camera, _, key = name.rpartition("/")
-    return f"{camera}/{REPORTED[key][0]}" if name else ""
-
-
 def check_point_table(design: Design) -> pd.DataFrame:
     """Return the predicted sigma of the differences at check points, from all their rays."""
-    columns = ["method", "point", "n_images", *(f"sigma_{axis}" for axis in AXES)]
     rows = []
     for method in design.validations:
-        by_wind = [outcome.points[method] for outcome in design.outcomes]
-        for name in dict.fromkeys(name for points in by_wind for name in points):
-            variance = np.mean([points[name] for points in by_wind if name in points], axis=0)
-            n = np.mean([outcome.n_rays[method].get(name, 0) for outcome in design.outcomes])
+        found: dict[str, list[Array]] = {}
+        for wind in design.winds:
+            validation = wind.validations[method]
+            block, points = validation.block, validation.points
+            for k, i in enumerate(block.check.point_idx[points.point_idx]):
+                row = np.append(points.n_images[k], points.sigma[k] ** 2)
+                found.setdefault(block.points[i], []).append(row)
+        for name, of_winds in found.items():
+            n = sum(one[0] for one in of_winds) / len(design.winds)
+            variance = np.mean(of_winds, axis=0)[1:]
             rows.append((method, name, round(float(n), 1), *np.sqrt(variance)))
+    columns = ["method", "point", "n_images", *(f"sigma_{axis}" for axis in AXES)]
     return pd.DataFrame(rows, columns=columns)
 
 
-def _expected_rms(outcomes: Sequence[Outcome], method: str) -> dict[str, Expected]:
-    """Return the expected RMS at check points, by `PARTS`."""
-    by_part = {}
-    for part in PARTS:
-        variances = np.array([outcome.variances[method][part] for outcome in outcomes])
-        known = variances[np.isfinite(variances).all(axis=(1, 2))]
-        by_part[part] = Expected(
-            n=float(np.mean([outcome.counts[method][part] for outcome in outcomes])),
-            variance=known.mean(axis=0) if len(known) else np.full(variances.shape[1:], np.nan),
-            of_winds=known.sum(axis=-1),
-        )
-    return by_part
+def _expected_rms(design: Design, method: str, part: str) -> dict[str, Any]:
+    """Return the expected RMS of differences at check points, m, by axis.
+
+    Returns
+    -------
+    dict
+        Number of differences, `rms` of many flights, its `tolerance` (two relative standard
+        deviations of the mean of winds; None in one wind), `spread` of single flights by their
+        wind, and `shares` of the square by group of sources.
+    """
+    budgets = [
+        budget.of(getattr(v, part).sources, v.georeferenced.layout)
+        for v in (wind.validations[method] for wind in design.winds)
+    ]
+    variances = np.array([one.mean for one in budgets])
+    known = variances[np.isfinite(variances).all(axis=(1, 2))]
+    mean = known.mean(axis=0) if len(known) else np.full(variances.shape[1:], np.nan)
+    of_winds = known.sum(axis=-1)
+    spread = None
+    if len(of_winds) > 1:  # the relative error of a root is half of that of its square
+        spread = 0.5 * of_winds.std(axis=0, ddof=1) / of_winds.mean(axis=0)
+    return {
+        "n": round(float(np.mean([len(one) for one in budgets])), 1),
+        "rms": np.sqrt(mean.sum(axis=-1)).tolist(),
+        "tolerance": None if spread is None else (2 * spread / np.sqrt(len(of_winds))).tolist(),
+        "spread": None if spread is None else spread.tolist(),
+        "shares": {group: share.tolist() for group, share in budget.shares(mean).items()},
+    }
 
 
 def sentences(design: Design) -> list[str]:
     """Return one sentence per unknown that the design does not determine: why, and the cure."""
     out = []
     for method, mounting in design.mountings.items():
-        predicted, has = _predicted(design, method), features(mounting.bundle.network.block)
-        lines = not_determined(predicted.calibration, has)
-        lines += trajectory_errors.not_determined(predicted.bundle, predicted.cov)
+        cov = design.covariances(method).mean(axis=0)
+        has = features(mounting.bundle.network.block)
+        lines = not_determined(design.calibration(method), has)
+        lines += trajectory_errors.not_determined(mounting.bundle, cov)
         out += [f"mounting/{method}: {line}" for line in lines]
     return out
 
@@ -283,52 +234,44 @@ def _weak_sentences(design: Design) -> list[str]:
     """Return one sentence per unknown that is determined, but weakly: why, and the cure."""
     out = []
     for method, mounting in design.mountings.items():
-        network = mounting.bundle.network
-        lines = weak.sentences(
-            _weak(design, method),
-            features(network.block),
-            late=bool(network.layout.delay[0] >= 0),
+        network, mean = mounting.bundle.network, design.calibration(method)
+        of_winds = [
+            weak.shares(wind.validations[method].points.sources, wind.calibrations[method])
+            for wind in design.winds
+            if method in wind.validations
+        ]
+        known = [share for share in of_winds if share is not None]
+        if known:
+            shares, where = np.mean(known, axis=0), weak.CHECK_POINTS
+        else:
+            shares, where = weak.shares_at_corners(mean, network.block), weak.CORNERS
+        weaknesses = weak.together(
+            [
+                *weak.of_calibration(mean, shares, of=where),
+                *weak.of_bundle(mounting.bundle, from_bundle(mounting.bundle)),
+            ]
         )
+        listed = _listed(design, method, design.covariances(method).mean(axis=0))
+        named = {p.full_name: p for p in listed}
+        weaknesses = [replace(w, parameter=named[w.parameter.full_name]) for w in weaknesses]
+        late = bool(network.layout.delay[0] >= 0)
+        lines = weak.sentences(weaknesses, features(network.block), late=late)
         out += [f"mounting/{method}: {line}" for line in lines]
     return out
-
-
-def _weak(design: Design, method: str) -> list[Weak]:
-    """Return the weakly determined parameters, with sigma of the mean of winds."""
-    bundle, mean = design.mountings[method].bundle, _predicted(design, method)
-    shares, where = _mean_shares(design.outcomes, method), weak.CHECK_POINTS
-    if shares is None:
-        shares = weak.shares_at_corners(mean.calibration, bundle.network.block)
-        where = weak.CORNERS
-    weaknesses = [
-        *weak.of_calibration(mean.calibration, shares, of=where),
-        *weak.of_bundle(bundle, from_bundle(bundle)),
-    ]
-    named = {p.full_name: p for p in mean.listed}
-    return [replace(w, parameter=named[w.parameter.full_name]) for w in weak.together(weaknesses)]
-
-
-def _mean_shares(outcomes: Sequence[Outcome], method: str) -> Array | None:
-    """Return the mean of `weak.shares`; None where there are no check points."""
-    shares = [outcome.shares[method] for outcome in outcomes if method in outcome.shares]
-    return np.mean(shares, axis=0) if shares else None
 
 
 def summary(design: Design) -> dict[str, Any]:
     """Return the predicted accuracies of a plan, for JSON."""
     return {
         "name": design.plan.setup.name,
-        "winds": len(design.outcomes),
+        "winds": len(design.winds),
         "flying_time_min": {
             name: flying_time_s(tuple(block.strips.values())) / 60
             for name, block in design.plan.blocks.items()
         },
-        **{f"mounting/{name}": _adjusted(design, name) for name in design.mountings},
+        **{f"mounting/{name}": _counts(design, name) for name in design.mountings},
         **{
-            f"validation/{name}": {
-                part: _of_check_points(expected_rms)
-                for part, expected_rms in _expected_rms(design.outcomes, name).items()
-            }
+            f"validation/{name}": {part: _expected_rms(design, name, part) for part in PARTS}
             for name in design.validations
         },
         "not_determined": sentences(design),
@@ -337,29 +280,15 @@ def summary(design: Design) -> dict[str, Any]:
     }
 
 
-def _of_check_points(expected_rms: Expected) -> dict[str, Any]:
-    """Return entries of an expected RMS: number, RMS, tolerance, spread, shares, by axis."""
-    parts = budget.shares(expected_rms.variance)
-    many = len(expected_rms.of_winds) > 1
-    return {
-        "n": round(expected_rms.n, 1),
-        "rms": expected_rms.rms.tolist(),
-        "tolerance": expected_rms.tolerance.tolist() if many else None,
-        "spread": expected_rms.spread.tolist() if many else None,
-        "shares": {group: share.tolist() for group, share in parts.items()},
-    }
-
-
-def _adjusted(design: Design, method: str) -> dict[str, Any]:
+def _counts(design: Design, method: str) -> dict[str, Any]:
     bundle = design.mountings[method].bundle
-    block, solution = bundle.network.block, bundle.solution
     return {
-        "n_images": len(block.images),
+        "n_images": len(bundle.network.block.images),
         "n_control_points": len(bundle.network.control),
-        "n_observations": solution.n_observations,
-        "n_unknowns": solution.n_unknowns,
-        "redundancy": solution.redundancy,
-        **determination.as_json(bundle, _predicted(design, method).calibration),
+        "n_observations": bundle.solution.n_observations,
+        "n_unknowns": bundle.solution.n_unknowns,
+        "redundancy": bundle.solution.redundancy,
+        **determination.as_json(bundle, design.calibration(method)),
     }
 
 
@@ -374,14 +303,13 @@ SAID = {
     "lever_arm": "surveyed lever arm",
     "boresight": "declared boresight",
     "interior": "declared interior orientation",
-    "distance": "distances",
 }
 """Names of the groups of observations."""
 
 
 def lines(design: Design) -> Iterator[str]:
     """Yield the lines that `acx4 plan` prints."""
-    n = len(design.outcomes)
+    n = len(design.winds)
     over = f"the mean of {n} winds" if n > 1 else "one wind"
     yield f"{design.plan.setup.name}: predicted from geometry alone, sigma0 = 1, {over}"
     for name, block in design.plan.blocks.items():
@@ -466,19 +394,17 @@ def _validation_lines(design: Design) -> Iterator[str]:
         yield ""
         yield f"validation/{method}: predicted RMS of differences at check points, m"
         rows = []
-        for part, expected_rms in _expected_rms(design.outcomes, method).items():
-            rows.append(
-                (f"{expected_rms.n:.0f} {part}", *(f"{value:.3f}" for value in expected_rms.rms))
-            )
-            if len(expected_rms.of_winds) > 1:
-                rows.append(
-                    ("  of many flights, within", *(f"{x:.0%}" for x in expected_rms.tolerance))
-                )
-                rows.append(
-                    ("  of one flight, by its wind", *(f"{x:.0%}" for x in expected_rms.spread))
-                )
-            for group, share in budget.shares(expected_rms.variance).items():
-                rows.append((f"  of its square, {group}", *(f"{x:.0%}" for x in share)))
+        for part in PARTS:
+            found = _expected_rms(design, method, part)
+            rows.append((f"{found['n']:.0f} {part}", *(f"{value:.3f}" for value in found["rms"])))
+            shown = {f"of its square, {group}": share for group, share in found["shares"].items()}
+            if found["spread"]:
+                shown = {
+                    "of many flights, within": found["tolerance"],
+                    "of one flight, by its wind": found["spread"],
+                    **shown,
+                }
+            rows += [(f"  {name}", *(f"{x:.0%}" for x in values)) for name, values in shown.items()]
         yield from _aligned(("", "east", "north", "height"), rows)
 
 

@@ -21,158 +21,142 @@ from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.bundle import adjust
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.start import resected
-from acx4lib.expected import Array, Index
+from acx4lib.expected import Array, Mask
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.frames import Pose
 
-# --- files of a project and of a report
+# --- DBAT's two projects, adjusted; approximate values come from the measurements only
 
 
 INTERIOR_NAMES = ("cc", "px", "py", "as", "K1", "K2", "K3", "P1", "P2")
 """DBAT's interior parameters, in the order of `interior_to_dbat`."""
 
 _OURS = ("f", "xp", "yp", "b1", "k1", "k2", "k3", "p1", "p2")
-_HALF_PIXEL = 0.5
+
+HALF_PIXEL = 0.5
 """Our coordinates (0, 0) are the centre of a pixel, theirs are its corner."""
 
+FREE = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2", "b1")
+"""Interior parameters that the project `camcal` estimates: all that it has."""
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Measurements:
-    """Image points of a file.
-
-    Attributes
-    ----------
-    image, point : ndarray, shape (n,)
-        DBAT's numbers of images, from 1, and of points.
-    xy_px : ndarray, shape (n, 2)
-        Coordinates from the upper left corner, y down.
-    sigma_px : ndarray, shape (n,)
-    """
-
-    image: Index
-    point: Index
-    xy_px: Array
-    sigma_px: Array
-
-    @property
-    def colrow(self) -> Array:
-        """Pixel coordinates in the library's convention, shape (n, 2)."""
-        return self.xy_px - _HALF_PIXEL
+CHECK_POINTS = (351, 410)
+"""Points of the project `sxb` that its author used as check points."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Surveyed:
-    """Points with given coordinates.
+class Project:
+    """A project of DBAT, adjusted here.
 
     Attributes
     ----------
-    point : ndarray, shape (n,)
-    labels : tuple of str
-    x, sigma : ndarray, shape (n, 3)
-        Object units; sigma is zero where the file has none.
+    bundle : Bundle
+    report : Path
+        Report that DBAT printed.
+    point : ndarray, shape (n_surveyed,)
+        Numbers of the control and check points.
+    x, sigma : ndarray, shape (n_surveyed, 3)
+        As given; sigma is zero where the file has none.
+    is_check : ndarray of bool, shape (n_surveyed,)
+    origin : ndarray, shape (3,)
+        Subtracted from the coordinates before the adjustment.
+    free : tuple of str
+        Interior parameters that were estimated.
     """
 
-    point: Index
-    labels: tuple[str, ...]
+    bundle: Bundle
+    report: Path
+    point: Array
     x: Array
     sigma: Array
+    is_check: Mask
+    origin: Array
+    free: tuple[str, ...]
 
 
-def _rows(path: Path) -> list[list[str]]:
-    """Return the cells of a comma-separated file without comments and empty lines."""
-    lines = path.read_text(encoding="utf-8").splitlines()
-    return [
-        [cell.strip() for cell in line.split(",")]
-        for line in lines
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
+def camcal() -> Project:
+    """Calibrate the camera of `camcal`: 21 images of a flat sheet, four points without error."""
+    file = data.path("dbat-camcal/image_points.txt")
+    measured = np.loadtxt(file, delimiter=",")  # image, point, x, y, sigma
+    # the height of the format is given in mm
+    camera = Camera(
+        name="Camera1",
+        width_px=2272,
+        height_px=1704,
+        pixel_mm=5.43764 / 1704,
+        interior=Interior(f=7.3),
+    )
+    return _adjusted("dbat-camcal", camera, measured, free=FREE)
 
 
-def _table(path: Path, columns: tuple[str, ...], cure: str = "") -> Array:
-    """Return a file of numbers; ValueError with the line and the column where one is missing."""
-    rows = _rows(path)
-    for number, row in enumerate(rows, 1):
-        if len(row) != len(columns):
-            expected = ", ".join(columns[len(row) :]) or f"only {len(columns)} columns"
-            problem = f"row {number} has {len(row)} of {len(columns)} columns"
-            msg = f"{path}: {problem} ({', '.join(columns)}); expected {expected}{cure}"
-            raise ValueError(msg)
-    return np.array(rows, dtype=float).reshape(-1, len(columns))
+def sxb() -> Project:
+    """Adjust `sxb`: five aerial images with weighted control and a known camera.
 
-
-def read_image_points(path: Path) -> Measurements:
-    """Read "image, point, x, y, sigma".
-
-    Raises
-    ------
-    ValueError
-        Where a row has another number of columns, as one without sigma.
+    Map coordinates are used as if they were Cartesian, as in the reference.
     """
-    cure = ": write the sigma of every measurement, px, as the last column"
-    table = _table(path, ("image", "point", "x", "y", "sigma"), cure)
-    return Measurements(
-        image=table[:, 0].astype(np.intp),
-        point=table[:, 1].astype(np.intp),
-        xy_px=table[:, 2:4],
-        sigma_px=table[:, 4],
-    )
-
-
-def read_marked_points(path: Path, *, sigma_px: float) -> Measurements:
-    """Read "point, image, x, y"; all measurements get the same sigma."""
-    table = _table(path, ("point", "image", "x", "y"))
-    return Measurements(
-        image=table[:, 1].astype(np.intp),
-        point=table[:, 0].astype(np.intp),
-        xy_px=table[:, 2:4],
-        sigma_px=np.full(len(table), sigma_px),
-    )
-
-
-def _joined(parts: tuple[Measurements, ...]) -> Measurements:
-    """Return the measurements of several files together."""
-    return Measurements(
-        image=np.concatenate([part.image for part in parts]),
-        point=np.concatenate([part.point for part in parts]),
-        xy_px=np.concatenate([part.xy_px for part in parts]),
-        sigma_px=np.concatenate([part.sigma_px for part in parts]),
-    )
-
-
-def _read_surveyed(path: Path) -> Surveyed:
-    """Read "point, label, x, y, z" with or without three sigmas, sorted by point."""
-    rows = sorted(_rows(path), key=lambda row: int(row[0]))
-    numbers = np.array([row[2:] for row in rows], dtype=float)
-    return Surveyed(
-        point=np.array([int(row[0]) for row in rows], dtype=np.intp),
-        labels=tuple(row[1] for row in rows),
-        x=numbers[:, :3],
-        sigma=numbers[:, 3:] if numbers.shape[1] > 3 else np.zeros((len(rows), 3)),
-    )
-
-
-def _read_images(path: Path) -> tuple[str, ...]:
-    """Read the images' file names, without folders, in the order of their numbers."""
-    rows = sorted(_rows(path), key=lambda row: int(row[0]))
-    return tuple(row[1].rsplit("/", 1)[-1] for row in rows)
-
-
-# --- conventions -----------------------------------------------------------------------------
-
-
-def _camera_from_dbat(
-    *, cc: float, pp: tuple[float, float] | None, size_px: tuple[int, int], pixel_mm: float
-) -> Camera:
-    """Return a camera without distortion from DBAT's values."""
-    middle = 0.5 * pixel_mm * np.array(size_px)
-    xp, yp = (np.array(pp) - middle) * [1, -1] if pp is not None else (0.0, 0.0)
-    return Camera(
+    parts = []
+    for file, sigma_px in (("image_points_marked.txt", 0.5), ("image_points_tie.txt", 1.0)):
+        table = np.loadtxt(data.path(f"dbat-sxb/{file}"), delimiter=",")  # point, image, x, y
+        sigma = np.full(len(table), sigma_px)
+        parts.append(np.column_stack([table[:, 1], table[:, 0], table[:, 2:], sigma]))
+    size_px, pixel_mm = (8858, 12996), 0.006
+    xp, yp = (np.array([26.577, 38.811]) - 0.5 * pixel_mm * np.array(size_px)) * [1, -1]
+    camera = Camera(
         name="Camera1",
         width_px=size_px[0],
         height_px=size_px[1],
         pixel_mm=pixel_mm,
-        interior=Interior(f=cc, xp=float(xp), yp=float(yp)),
+        interior=Interior(f=123.9392, xp=float(xp), yp=float(yp)),
     )
+    return _adjusted("dbat-sxb", camera, np.concatenate(parts), free=())
+
+
+def _adjusted(folder: str, camera: Camera, measured: Array, *, free: tuple[str, ...]) -> Project:
+    """Adjust measurements: image and point by DBAT's numbers, x, y from the corner, sigma, px."""
+    surveyed = _rows(data.path(f"{folder}/control_points.txt"))
+    point = surveyed.index.to_numpy()
+    numbers = surveyed.iloc[:, 1:].to_numpy(dtype=float)
+    x, sigma = numbers[:, :3], numbers[:, 3:] if numbers.shape[1] > 3 else np.zeros((len(point), 3))
+    is_check = np.isin(point, CHECK_POINTS)
+    origin = x.mean(axis=0).round(-2)
+    names = tuple(_rows(data.path(f"{folder}/images.txt"))[1].str.rpartition("/")[2].str.strip())
+    points, point_idx = np.unique(measured[:, 1].astype(int), return_inverse=True)
+    control = SurveyedPoints(
+        point_idx=np.searchsorted(points, point), x_m=x - origin, sigma_m=sigma
+    )
+    n = len(names)
+    unknown = Pose(R=np.tile(np.eye(3), (n, 1, 1)), r=np.zeros((n, 3)))
+    block = Block(
+        cameras=(camera,),
+        images=Images(names=names),
+        points=tuple(map(str, points)),
+        image_points=ImagePoints(
+            image_idx=measured[:, 0].astype(np.intp) - 1,
+            point_idx=point_idx,
+            colrow=measured[:, 2:4] - HALF_PIXEL,
+            sigma_px=measured[:, 4],
+        ),
+        control=control[~is_check],
+        check=control[is_check],
+        trajectory=Trajectory(exposures=names, T_m_b=unknown),
+    )
+    network = adjust.free_orientation(resected(block), free=free)
+    # DBAT corrects the points as they were measured
+    bundle = adjust.adjust(replace(network, distortion_at="measured"))
+    return Project(
+        bundle=bundle,
+        report=data.path(f"{folder}/reference_report.txt"),
+        point=point,
+        x=x,
+        sigma=sigma,
+        is_check=is_check,
+        origin=origin,
+        free=free,
+    )
+
+
+def _rows(path: Path) -> pd.DataFrame:
+    """Return a comma-separated file by its first column, in the order of its numbers."""
+    return pd.read_csv(path, comment="#", header=None, index_col=0).sort_index()
 
 
 def interior_to_dbat(camera: Camera, cov: Array) -> tuple[Array, Array]:
@@ -209,7 +193,7 @@ def interior_to_dbat(camera: Camera, cov: Array) -> tuple[Array, Array]:
 # --- DBAT's report: every printed number with its place
 #
 # The report is a tree with indentation. The place of a line is the path of headings above it and
-# its own label. Its statement is the rest, without the numbers.
+# its own label.
 
 
 NUMBER = re.compile(r"(?<![\w.%])(?<!\^\()(?<!\^\(-)-?\d+(?:\.\d+)?(?:e[-+]\d+)?(?!\w|\.\w)")
@@ -220,50 +204,37 @@ _RAYS = re.compile(r"^(\d+): (\d+\.\d+ \([\d ]*\))$")
 _ROW = re.compile(r"^(\d+),")
 _TABLES = ("Prior", "Posterior", "Diff", "Smallest angles")
 
+Place = tuple[str, ...]
+"""Headings of a line, the outermost first, then its own label."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """One line of a report.
+    """What a line of a report states: its text after the label, and the numbers as printed."""
 
-    Attributes
-    ----------
-    path : tuple of str
-        Headings, the outermost first, then the line's own label.
-    statement : str
-        Text after the label, with ``{}`` in the place of every number.
-    numbers : tuple of str
-        The numbers as printed.
-    """
-
-    path: tuple[str, ...]
-    statement: str
+    text: str
     numbers: tuple[str, ...]
 
 
-def read(path: Path) -> dict[tuple[str, ...], Line]:
-    """Read a report.
-
-    Returns
-    -------
-    dict
-        Its lines by their path, in their order, without headings that have no statement.
+def read(path: Path) -> dict[Place, Line]:
+    """Return the lines of a report by their place, in their order, without bare headings.
 
     Raises
     ------
     ValueError
         Where two lines have the same place.
     """
-    lines: dict[tuple[str, ...], Line] = {}
-    for line in _lines(path.read_text(encoding="utf-8")):
-        if line.path in lines:
-            msg = f"{path}: {' > '.join(line.path)} stands there twice"
+    lines: dict[Place, Line] = {}
+    for place, text in _lines(path.read_text(encoding="utf-8")):
+        if place in lines:
+            msg = f"{path}: {' > '.join(place)} stands there twice"
             raise ValueError(msg)
-        lines[line.path] = line
+        lines[place] = Line(text=" ".join(text.split()), numbers=tuple(NUMBER.findall(text)))
     headings = {place[:depth] for place in lines for depth in range(1, len(place))}
-    return {place: line for place, line in lines.items() if line.statement or place not in headings}
+    return {place: line for place, line in lines.items() if line.text or place not in headings}
 
 
-def _lines(text: str) -> Iterator[Line]:
+def _lines(text: str) -> Iterator[tuple[Place, str]]:
     headings: list[tuple[int, str]] = []
     for raw in text.splitlines()[1:-1]:
         content = raw.strip()
@@ -271,42 +242,31 @@ def _lines(text: str) -> Iterator[Line]:
         if content.startswith("id,"):
             continue
         if _ROW.match(content) or _RAYS.match(content):
-            depth = _table_depth(headings)  # the indentation of right-aligned numbers varies
+            # the indentation of right-aligned numbers varies
+            depth = next(d for d, name in reversed(headings) if name.startswith(_TABLES)) + 1
         while headings and headings[-1][0] >= depth:
             headings.pop()
-        label, statement = _split(content)
-        path = (*(heading for _, heading in headings), label)
+        label, said = _split(content)
+        yield (*(heading for _, heading in headings), label), said
         headings.append((depth, label))
-        numbers = tuple(NUMBER.findall(statement))
-        yield Line(path=path, statement=_plain(NUMBER.sub("{}", statement)), numbers=numbers)
-
-
-def _table_depth(headings: list[tuple[int, str]]) -> int:
-    """Return a depth just below the table's heading."""
-    return next(depth for depth, name in reversed(headings) if name.startswith(_TABLES)) + 1
 
 
 def _split(content: str) -> tuple[str, str]:
     """Return a line's label and its statement."""
-    for pattern in (_COUNTED, _RAYS):
-        if match := pattern.match(content):
-            first, second = match.groups()
-            return (second, first) if pattern is _COUNTED else (first, second)
+    if match := _COUNTED.match(content):
+        return match[2], match[1]
+    if match := _RAYS.match(content):
+        return match[1], match[2]
     if _ROW.match(content):
-        label, _, statement = content.partition(",")
-        return label, statement
+        label, _, said = content.partition(",")
+        return label, said
     if content.startswith("Redundancy "):  # this is the only label without a colon
         return "Redundancy", content.removeprefix("Redundancy")
-    label, _, statement = content.partition(":")
-    return label.strip(), statement.strip()
+    label, _, said = content.partition(":")
+    return label.strip(), said.strip()
 
 
-def _plain(statement: str) -> str:
-    """Return a statement with single spaces, and none after an opening parenthesis."""
-    return " ".join(statement.split()).replace("( ", "(")
-
-
-# --- a project read, and a printed number beside one that is computed
+# --- a printed number beside one that is computed
 
 
 COLUMNS = ("quantity", "kind", "printed", "ours", "difference", "unit", "units", "agrees")
@@ -318,28 +278,9 @@ class Angle(float):
     __slots__ = ()
 
 
-@dataclass(frozen=True, kw_only=True)
-class Statement:
-    """Our version of a printed statement.
-
-    Attributes
-    ----------
-    text : str
-        Text with ``{}`` in the place of every number.
-    values : tuple of float or int
-        An int is a count or a name and must agree exactly; a float must agree to one unit.
-    """
-
-    text: str
-    values: tuple[float | int, ...] = ()
-
-
-Statements = dict[tuple[str, ...], Statement]
-
-
-def say(text: str, *values: float) -> Statement:
-    """Return a statement."""
-    return Statement(text=text, values=values)
+Statements = dict[Place, tuple[float | int, ...] | str]
+"""Our numbers for the places of a report, or our text where a line has none. An int is a count or
+a name and must agree exactly; a float must agree to one unit of the last printed digit."""
 
 
 def last_digit(printed: str) -> float:
@@ -349,47 +290,41 @@ def last_digit(printed: str) -> float:
     return float(f"1e{int(exponent or 0) - decimals}")
 
 
-def compare(
-    printed: Mapping[tuple[str, ...], Line], ours: Mapping[tuple[str, ...], Statement]
-) -> pd.DataFrame:
-    """Compare all lines of a report with our statements.
+def compare(printed: Mapping[Place, Line], ours: Statements) -> pd.DataFrame:
+    """Compare all lines of a report with our numbers.
 
     Parameters
     ----------
     printed : mapping
         Lines of a report by their places, without headings and lines that are no results.
     ours : mapping
-        Our statements for the same places.
 
     Returns
     -------
     DataFrame
-        One row per printed number, and one per statement without numbers. `units` is the
-        difference in units of the last printed digit. A place that exists on one side only, or a
-        statement with another text, has a row that does not agree.
+        One row per printed number, and one per line without numbers. `units` is the difference in
+        units of the last printed digit. A place that exists on one side only, or with more or less
+        numbers or another text, has a row that does not agree.
     """
     rows: list[tuple[object, ...]] = []
-    for path in (*printed, *(path for path in ours if path not in printed)):
-        rows += _rows_of_path(path, printed.get(path), ours.get(path))
+    for place in (*printed, *(place for place in ours if place not in printed)):
+        rows += _rows_of_place(place, printed.get(place), ours.get(place))
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def _rows_of_path(
-    path: tuple[str, ...], line: Line | None, statement: Statement | None
-) -> list[tuple[object, ...]]:
-    quantity, kind = " > ".join(path), _kind(path)
-    if line is None or statement is None or line.statement != statement.text:
-        text = line.statement.format(*line.numbers) if line else ""
-        ours = statement.text if statement else "nothing"
-        return [(f"{quantity} [{ours}]", kind, text, *[np.nan] * 4, False)]
-    if not line.numbers:
-        return [(quantity, "statement", line.statement, np.nan, 0.0, np.nan, 0.0, True)]
-    out: list[tuple[object, ...]] = []
-    several = len(line.numbers) > 1
-    for number, (text, value) in enumerate(zip(line.numbers, statement.values, strict=True), 1):
-        name = f"{quantity} ({number})" if several else quantity
-        out.append((name, _kind(path, number), *_row(text, value)))
-    return out
+def _rows_of_place(
+    place: Place, line: Line | None, values: tuple[float | int, ...] | str | None
+) -> Iterator[tuple[object, ...]]:
+    quantity = " > ".join(place)
+    if line is not None and not line.numbers and values == line.text:
+        yield quantity, "statement", line.text, np.nan, 0.0, np.nan, 0.0, True
+    elif line is None or not isinstance(values, tuple) or len(values) != len(line.numbers):
+        text = line.text if line else ""
+        yield f"{quantity} [{values}]", _kind(place), text, *[np.nan] * 4, False
+    else:
+        for number, (text, value) in enumerate(zip(line.numbers, values, strict=True), 1):
+            name = f"{quantity} ({number})" if len(values) > 1 else quantity
+            yield name, _kind(place, number), *_row(text, value)
 
 
 def _row(printed: str, value: float) -> tuple[str, float, float, float, float, bool]:
@@ -426,7 +361,7 @@ KINDS = (
 """Words in the place of a quantity, and its kind; the first entry that fits is used."""
 
 
-def _kind(path: tuple[str, ...], number: int = 1) -> str:
+def _kind(path: Place, number: int = 1) -> str:
     place = " > ".join(path)
     if " measurements > Posterior" in place and 4 <= number <= 6:
         return "standard deviation"
@@ -458,121 +393,3 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
         largest=("units", lambda units: units.abs().max()),
     )
     return out.reset_index()
-
-
-# --- DBAT's two projects as blocks; approximate values come from the measurements only
-
-
-FREE = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2", "b1")
-"""Interior parameters that the project `camcal` estimates: all that it has."""
-
-CHECK_POINTS = (351, 410)
-"""Points of the project `sxb` that its author used as check points."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Project:
-    """A project of DBAT, adjusted here.
-
-    Attributes
-    ----------
-    bundle : Bundle
-    report : Path
-        Report that DBAT printed.
-    surveyed : Surveyed
-        Control and check points as given.
-    is_check : ndarray, shape (n_surveyed,)
-    origin : ndarray, shape (3,)
-        Subtracted from the coordinates before the adjustment.
-    free : tuple of str
-        Interior parameters that were estimated.
-    """
-
-    bundle: Bundle
-    report: Path
-    surveyed: Surveyed
-    is_check: np.ndarray
-    origin: Array
-    free: tuple[str, ...]
-
-
-def camcal() -> Project:
-    """Calibrate the camera of `camcal`: 21 images of a flat sheet, four points without error."""
-    measured = read_image_points(data.path("dbat-camcal/image_points.txt"))
-    # the height of the format is given in mm
-    camera = _camera_from_dbat(cc=7.3, pp=None, size_px=(2272, 1704), pixel_mm=5.43764 / 1704)
-    return _adjusted("dbat-camcal", camera, measured, free=FREE)
-
-
-def sxb() -> Project:
-    """Adjust `sxb`: five aerial images with weighted control and a known camera.
-
-    Map coordinates are used as if they were Cartesian, as in the reference.
-    """
-    files = (("image_points_marked.txt", 0.5), ("image_points_tie.txt", 1.0))
-    measured = _joined(
-        tuple(
-            read_marked_points(data.path(f"dbat-sxb/{file}"), sigma_px=sigma_px)
-            for file, sigma_px in files
-        )
-    )
-    camera = _camera_from_dbat(
-        cc=123.9392, pp=(26.577, 38.811), size_px=(8858, 12996), pixel_mm=0.006
-    )
-    return _adjusted("dbat-sxb", camera, measured, free=())
-
-
-def _adjusted(
-    folder: str, camera: Camera, measured: Measurements, *, free: tuple[str, ...]
-) -> Project:
-    surveyed = _read_surveyed(data.path(f"{folder}/control_points.txt"))
-    names = _read_images(data.path(f"{folder}/images.txt"))
-    is_check = np.isin(surveyed.point, CHECK_POINTS)
-    origin = surveyed.x.mean(axis=0).round(-2)
-    block = _block(camera, measured, names, surveyed=surveyed, is_check=is_check, origin=origin)
-    network = adjust.free_orientation(block, free=free)
-    # DBAT corrects the points as they were measured
-    adjusted = adjust.adjust(replace(network, distortion_at="measured"))
-    return Project(
-        bundle=adjusted,
-        report=data.path(f"{folder}/reference_report.txt"),
-        surveyed=surveyed,
-        is_check=is_check,
-        origin=origin,
-        free=free,
-    )
-
-
-def _block(
-    camera: Camera,
-    measured: Measurements,
-    names: tuple[str, ...],
-    *,
-    surveyed: Surveyed,
-    is_check: np.ndarray,
-    origin: Array,
-) -> Block:
-    """Return the block of measurements, control and resected images."""
-    numbers, point_idx = np.unique(measured.point, return_inverse=True)
-    surveyed_points = SurveyedPoints(
-        point_idx=np.searchsorted(numbers, surveyed.point),
-        x_m=surveyed.x - origin,
-        sigma_m=surveyed.sigma,
-    )
-    n = len(names)
-    unknown = Pose(R=np.tile(np.eye(3), (n, 1, 1)), r=np.zeros((n, 3)))
-    block = Block(
-        cameras=(camera,),
-        images=Images(names=names),
-        points=tuple(map(str, numbers)),
-        image_points=ImagePoints(
-            image_idx=measured.image - 1,
-            point_idx=point_idx,
-            colrow=measured.colrow,
-            sigma_px=measured.sigma_px,
-        ),
-        control=surveyed_points[~is_check],
-        check=surveyed_points[is_check],
-        trajectory=Trajectory(exposures=names, T_m_b=unknown),
-    )
-    return resected(block)

@@ -24,7 +24,6 @@ GROUPS = {
     ("attitude", "roll_deg"): "roll and pitch",
     ("attitude", "pitch_deg"): "roll and pitch",
     ("attitude", "heading_deg"): "heading",
-    ("distance", "distance_m"): "distances",
     **{("lever_arm", f"lever_{axis}_m"): "declared lever arm" for axis in "xyz"},
     **{
         ("boresight", f"mount_{angle}_deg"): "declared boresight"

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tifffile
 from scipy.spatial.transform import Rotation
 
 from acx4files.exchange import lens, safe
@@ -171,7 +172,7 @@ def read(path: Path) -> Tags:
 
 def _of_tiff(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], bytes]:
     """Return size, tags and XMP of a TIFF's first image."""
-    with tiff_files.opened(io.BytesIO(data)) as tiff:
+    with tifffile.TiffFile(io.BytesIO(data)) as tiff:
         page, end = tiff.pages.first, tiff_files.end_of_pixels(tiff)
         if end > len(data):
             raise ValueError(f"is cut off: it has {len(data)} bytes of at least {end}")
@@ -199,7 +200,7 @@ def _of_jpeg(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], by
             bits, height, width, samples = struct.unpack(">BHHB", part[:6])
             size = (width, height, samples, bits)
         elif marker == _APP1 and part.startswith(_EXIF_HEADER) and not exif:
-            with tiff_files.opened(io.BytesIO(part[len(_EXIF_HEADER) :])) as tiff:
+            with tifffile.TiffFile(io.BytesIO(part[len(_EXIF_HEADER) :])) as tiff:
                 exif = _flat(tiff.pages.first)
         elif marker == _APP1 and part.startswith(_XMP_HEADER) and not packet:
             packet = part[len(_XMP_HEADER) :]

@@ -851,9 +851,8 @@ def _heading_by(first: Path, second: Path, step: tuple[float, float]) -> float |
 
 def _grey(path: Path) -> Array | None:
     """Return a picture in 8 bit, at most `SIDE` px long; None where it cannot be unpacked."""
-    data = safe.read(path).data
     try:
-        picture = _pixels(data)
+        picture = _pixels(safe.read(path).data)
     except (*BROKEN, cv2.error):
         return None
     share = min(1.0, SIDE / max(picture.shape))

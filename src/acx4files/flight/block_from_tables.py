@@ -17,7 +17,7 @@ from acx4files.flight.problems import ABSENT, NO_ROWS, RANGES, Problem
 from acx4files.flight.settings import Setup
 from acx4files.flight.table_files import read_columns
 from acx4files.flight.tables import SCHEMAS, SIGMA_ATTITUDE, SIGMA_POSITION, Table
-from acx4lib.block import Block, Distances, ImagePoints, Images, SurveyedPoints, Trajectory
+from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame, mean_origin
@@ -46,13 +46,11 @@ class BlockTables:
     image_points: Table
     trajectory: Table
     control: Table
-    distances: Table | None = None
 
     @property
     def tables(self) -> tuple[Table, ...]:
         """All tables of the block."""
-        always = (self.images, self.image_points, self.trajectory, self.control)
-        return always if self.distances is None else (*always, self.distances)
+        return (self.images, self.image_points, self.trajectory, self.control)
 
     @property
     def problems(self) -> tuple[Problem, ...]:
@@ -95,10 +93,6 @@ def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
         )
         for path in (*(folder / name / f"{table}.csv" for table in TABLES), control)
     )
-    path = folder / name / "distances.csv"
-    distances = None
-    if os.path.lexists(path):
-        distances = read_columns(path, str(path), SCHEMAS[path.name], needed_by="a flight")
     return BlockTables(
         name=name,
         pictures=pictures,
@@ -106,7 +100,6 @@ def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
         image_points=image_points,
         trajectory=trajectory,
         control=surveyed,
-        distances=distances,
     )
 
 
@@ -117,9 +110,8 @@ def without_points(tables: BlockTables) -> BlockTables:
     """
     lacks = {ABSENT, NO_ROWS, "is empty"}
     if not {problem.found for problem in tables.image_points.problems}.isdisjoint(lacks):
-        # distances may be between points that are still to be measured
         points = _empty("image_points", tables.image_points.file)
-        tables = replace(tables, image_points=points, distances=None)
+        tables = replace(tables, image_points=points)
     if ABSENT in {problem.found for problem in tables.control.problems}:
         control = _empty("control_points", tables.control.file)
         tables = replace(tables, control=control)
@@ -185,18 +177,6 @@ def assemble(tables: BlockTables, setup: Setup) -> Block:
         check=surveyed[is_check],
         trajectory=trajectory,
         smallest_angle=setup.smallest_angle,
-        distances=_distances(tables.distances, points),
-    )
-
-
-def _distances(table: Table | None, points: Sequence[str]) -> Distances:
-    if table is None:
-        return Distances()
-    ends = [index_of(table.text[end], points) for end in ("point_a", "point_b")]
-    return Distances(
-        point_idx=np.stack(ends, axis=1),
-        distance_m=table.numbers["distance_m"],
-        sigma_m=table.numbers["sigma_m"],
     )
 
 

@@ -110,6 +110,11 @@ def quoted(value: object) -> str:
     return text if len(text) <= QUOTED else f"{text[:QUOTED]}…"
 
 
+def kind_of(value: object) -> str:
+    """Return what a value is, such as "a list"."""
+    return "None" if value is None else f"a {type(value).__name__}"
+
+
 def did_you_mean(name: object, known: Collection[str]) -> str:
     """Return " (did you mean 'x'?)", or nothing where no known name is close."""
     if not isinstance(name, str) or not 0 < len(name) <= QUOTED or len(known) > MANY:
@@ -185,7 +190,6 @@ RANGES = {
     **dict.fromkeys(("b1", "b2"), Range(-0.5, 0.5)),
     **dict.fromkeys(("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg"), ANGLE),
     **dict.fromkeys(("lever_x_m", "lever_y_m", "lever_z_m"), Range(-100.0, 100.0)),
-    "distance_m": POSITIVE,
     "sigma_m": POSITIVE,
     "col_px": METRES,
     "row_px": METRES,

@@ -33,6 +33,7 @@ from acx4files.flight.problems import (
     Problem,
     counted,
     did_you_mean,
+    kind_of,
     lines_of,
     quoted,
     same_but_for_writing,
@@ -45,7 +46,7 @@ from acx4lib import expected, shown
 from acx4lib.block import Block, block_row, synthetic_images
 from acx4lib.design import SAME_HEIGHT, flying_heights
 from acx4lib.errors import FlightError, visible
-from acx4lib.expected import Array, given
+from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import INTERIOR, Camera, inside
 from acx4lib.geometry.collinearity import refraction_taken_up
 from acx4lib.geometry.geodesy import LOCAL, GridSystem
@@ -185,6 +186,10 @@ def read(path: str | Path, *, pictures: str | Path = "") -> Flight:
         cure = f"needs at least one of the folders {', '.join(f'{name}/' for name in BLOCKS)}"
         others.insert(0, _of_folder(folder, f"no block at all{stray}", cure))
     notes = [f"{name} is in no block and is not read" for name in strays]
+    notes += [
+        f"{table.relative_to(folder)} is not read: distances are no observations any more"
+        for table in sorted(folder.glob("*/distances.csv"))
+    ]
     return checked(toml, blocks, problems=others, notes=notes)
 
 
@@ -244,7 +249,7 @@ def read_kept(path: str | Path) -> Flight:
 
 def table_files(flight: Flight) -> list[Path]:
     """Return the files from which a flight was read, except images, relative to its folder."""
-    tables = [f"{name}.csv" for name in (*TABLES, "control_points", "distances")]
+    tables = [f"{name}.csv" for name in (*TABLES, "control_points")]
     names = [Path("flight.toml"), Path("control_points.csv")]
     names += [Path(block) / name for block in flight.blocks for name in tables]
     geoid, inside = Path(str(flight.grid.heights)), flight.path.resolve()
@@ -316,7 +321,7 @@ def _fit_problems(tables: BlockTables, setup: Setup, toml: Toml) -> Iterator[Pro
     surveyed = set(tables.control.text["point"])
     names = tables.image_points.text["point"]
     own = np.array([name in surveyed for name in names], dtype=bool)
-    tables = replace(tables, image_points=tables.image_points.select(own), distances=None)
+    tables = replace(tables, image_points=tables.image_points.select(own))
     if not own.any():
         return
     with np.errstate(all="ignore"):  # wrong positions may have no convergence
@@ -391,7 +396,7 @@ def _some(names: list[str]) -> str:
 # --- A flight from tables in memory: the columns of the files, and the same checks and sentences
 
 
-CONTROL, DISTANCES = "control_points", "distances"
+CONTROL = "control_points"
 PLACE = Path("tables in memory")
 """In the place of a flight's folder, for messages; nothing is read there."""
 
@@ -416,8 +421,8 @@ def from_tables(
     control_points : table, optional
         For all blocks without their own.
     heads, calibration, validation : mapping of str to table, optional
-        ``images``, ``image_points``, ``trajectory``; if there are some, ``distances``; if the
-        block has its own, ``control_points``. A table is a DataFrame or a dict of arrays; its
+        ``images``, ``image_points``, ``trajectory``; if the block has its own,
+        ``control_points``. A table is a DataFrame or a dict of arrays; its
         columns and units are those of the file of this name. Names may be whole numbers, a sigma
         may be infinite: not known.
 
@@ -449,7 +454,6 @@ def from_tables(
         blocks.append(BlockTables(name=name, pictures=Path(), control=control, **made))
     flight = checked(toml, blocks)
     sums = {f"{b.name}/{t}.csv": getattr(b, t).sha256 for b in blocks for t in TABLES}
-    sums |= {f"{b.name}/{DISTANCES}.csv": b.distances.sha256 for b in blocks if b.distances}
     return replace(flight, path=PLACE, pictures=PLACE, sha256=sums)
 
 
@@ -459,15 +463,15 @@ NO_CONTROL = dict.fromkeys(("point", "east_m", "north_m", "height_m"), np.zeros(
 def _missing(blocks: Mapping[str, Tables], settings: object) -> Iterator[Problem]:
     """Yield missing blocks, and blocks and tables of a wrong type or name."""
     if not isinstance(settings, Mapping):
-        yield _in_memory("settings", "settings", f"is {given(settings)}", "must be a dict")
+        yield _in_memory("settings", "settings", f"is {kind_of(settings)}", "must be a dict")
     if not blocks:
         cure = "must have one at least: heads, calibration or validation"
         yield _in_memory("flight", "blocks", "no block at all", cure)
-    known = (*TABLES, CONTROL, DISTANCES)
+    known = (*TABLES, CONTROL)
     for block, tables in blocks.items():
         if not isinstance(tables, Mapping):
             cure = f"must be a dict of the tables {', '.join(TABLES)}"
-            yield _in_memory(block, "tables", f"is {given(tables)}", cure)
+            yield _in_memory(block, "tables", f"is {kind_of(tables)}", cure)
             continue
         for table in (table for table in tables if table not in known):
             fault = f"unknown table{did_you_mean(table, known)}"
@@ -494,7 +498,7 @@ def _plain(value: Any) -> Any:
 
 def _name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
     """Yield unknown names of images, cameras, exposures and points, and unknown roles."""
-    images, measured, distances = tables.images, tables.image_points, tables.distances
+    images, measured = tables.images, tables.image_points
     if cameras := toml.table("cameras"):
         yield from _unknown(images, "camera", cameras, f"must be a camera of {toml.file}")
     row_in = "must have a row in {}"
@@ -505,28 +509,11 @@ def _name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
         if len(other) and other.whole and column in other.text:
             yield from _unknown(table, column, other.text[column], row_in.format(other.file))
     yield from _unknown(tables.control, "role", ("control", "check"), "must be control or check")
-    if distances is not None and measured.whole and measured.has("point"):
-        yield from _distance_problems(distances, measured)
     yield from _time_problems(tables, toml)
     if tables.name == "heads":
         yield from _head_problems(images, toml)
     elif toml.get("synthetic", "measured_in") == "heads":
         yield from _other_cameras(images, toml, ", since measured_in is 'heads'")
-
-
-def _distance_problems(distances: Table, measured: Table) -> Iterator[Problem]:
-    """Yield distances to unmeasured points, and distances from a point to itself."""
-    ends = {end: distances.text.get(end, ()) for end in ("point_a", "point_b")}
-    for end in ends:
-        cure = f"must be a point of {measured.file}"
-        yield from _unknown(distances, end, measured.text["point"], cure)
-    cure = "must be another point than point_a"
-    yield from counted(
-        [row for row, (a, b) in enumerate(zip(*ends.values(), strict=False)) if a == b],
-        lambda row: distances.problem(
-            row, "point_b", f"{quoted(ends['point_b'][row])} again", cure
-        ),
-    )
 
 
 def _time_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
@@ -637,83 +624,73 @@ def _uncalibrated_problems(blocks: Sequence[BlockTables], setup: Setup) -> Itera
 def _sensor_problems(tables: BlockTables, setup: Setup) -> Iterator[Problem]:
     """Yield measurements outside the sensor; rows with unknown names are not checked."""
     images, measured = tables.images, tables.image_points
-    if not (images.has("image", "camera") and measured.has("image", "col_px", "row_px")):
-        return
-    image_idx = index_of(measured.text["image"], images.text["image"])
-    camera_idx = np.append(index_of(images.text["camera"], [*setup.cameras]), -1)[image_idx]
+    if images.has("image", "camera") and measured.has("image", "col_px", "row_px"):
+        image_idx = index_of(measured.text["image"], images.text["image"])
+        camera_idx = np.append(index_of(images.text["camera"], [*setup.cameras]), -1)[image_idx]
+        for i, camera in enumerate(setup.cameras.values()):
+            yield from _outside(measured, camera, np.flatnonzero(camera_idx == i))
+
+
+def _outside(measured: Table, camera: Camera, rows: Index) -> Iterator[Problem]:
+    """Yield the measurements of a camera outside its sensor."""
     colrow = measured.stack("col_px", "row_px")  # noqa: PD013 a flight's table
-    finite = np.isfinite(colrow).all(axis=1)
-    for i, camera in enumerate(setup.cameras.values()):
-        mine = np.flatnonzero((camera_idx == i) & finite)
-        rows = mine[~inside(camera, colrow[mine])]
-        sides = np.array([camera.width_px, camera.height_px])
-        in_mm = bool(np.all(np.abs(colrow[mine]) <= (sides + 1) / 2 * camera.pixel_mm))
-        beyond_col = np.abs(colrow[rows, 0] - (camera.width_px - 1) / 2) > camera.width_px / 2
-        for axis, outside in enumerate((rows[beyond_col], rows[~beyond_col])):
-            column = ("col_px", "row_px")[axis]
-            cure = f"must lie on the sensor of {camera.name}, from -0.5 to {sides[axis] - 0.5}"
+    rows = rows[np.isfinite(colrow[rows].sum(axis=1))]
+    sides = np.array([camera.width_px, camera.height_px])
+    in_mm = bool(np.all(np.abs(colrow[rows]) <= (sides + 1) / 2 * camera.pixel_mm))
+    beyond = np.abs(colrow - (sides - 1) / 2) > sides / 2
 
-            def problem(
-                row: int,
-                axis: int = axis,
-                column: str = column,
-                cure: str = cure,
-                camera: Camera = camera,
-                in_mm: bool = in_mm,
-            ) -> Problem:
-                swapped = bool(inside(camera, colrow[row, ::-1]))
-                hint = " (col and row swapped?)" if swapped else ""
-                hint = " (in mm from the middle?)" if in_mm else hint
-                return measured.problem(row, column, f"{colrow[row, axis]:.12g}{hint}", cure)
+    def wrong(row: int) -> Problem:
+        axis = 0 if beyond[row, 0] else 1
+        swapped = bool(inside(camera, colrow[row, ::-1]))
+        hint = " (in mm from the middle?)" if in_mm else " (col and row swapped?)" * swapped
+        cure = f"must lie on the sensor of {camera.name}, from -0.5 to {sides[axis] - 0.5}"
+        fault = f"{colrow[row, axis]:.12g}{hint}"
+        return measured.problem(row, ("col_px", "row_px")[axis], fault, cure)
 
-            yield from counted(outside, problem)
+    rows = rows[~inside(camera, colrow[rows])]
+    yield from counted(rows[beyond[rows, 0]], wrong)
+    yield from counted(rows[~beyond[rows, 0]], wrong)
 
 
 def _position_problems(tables: BlockTables, grid: GridSystem) -> Iterator[Problem]:
     """Yield positions that the CRS or the geoid grid does not cover."""
-    if grid.is_local:
-        if "lat_deg" in tables.trajectory.numbers:
-            cure = f"must be east_m, north_m, … kappa_deg, since crs is {LOCAL!r}"
-            fault = "longitudes and latitudes of a flight on no map"
-            yield tables.trajectory.problem(0, "lat_deg", fault, cure)
-        return
-    crs = quoted(grid.crs)[1:-1]
-    for table, used in (
-        (tables.trajectory, used_exposures(tables)),
-        (tables.control, measured_control(tables)),
-    ):
-        rows, on_map = np.flatnonzero(used), "east_m" in table.numbers
-        lonlat = lonlat_of(table, grid)
-        on_earth = np.isfinite(lonlat.sum(axis=1))
-        if on_map:
-            on_earth[on_earth] = np.isfinite(grid.convergence(lonlat[on_earth]))
-            east_north = table.stack("east_m", "north_m")  # noqa: PD013 a flight's table
-            if of_degrees(grid, *east_north.T):
-                fault = f"{_pair(east_north[0])} (longitude, latitude in degrees?)"
-                yield table.problem(0, "east_m", fault, f"must be metres where {crs} is meant for")
-            yield from counted(
-                rows[~on_earth[rows]],
-                lambda row, table=table, east_north=east_north: table.problem(  # type: ignore[misc]
-                    row,
-                    "east_m",
-                    f"{_pair(east_north[row])} is nowhere",
-                    f"must be a position that {crs} covers, easting first",
-                ),
-            )
-        rows = rows[on_earth[rows]]
+    if not grid.is_local:
+        yield from _off_map(tables.trajectory, np.flatnonzero(used_exposures(tables)), grid)
+        yield from _off_map(tables.control, np.flatnonzero(measured_control(tables)), grid)
+    elif "lat_deg" in tables.trajectory.numbers:
+        cure = f"must be east_m, north_m, … kappa_deg, since crs is {LOCAL!r}"
+        fault = "longitudes and latitudes of a flight on no map"
+        yield tables.trajectory.problem(0, "lat_deg", fault, cure)
+
+
+def _off_map(table: Table, rows: Index, grid: GridSystem) -> Iterator[Problem]:
+    """Yield rows in degrees where metres are meant, and rows outside the CRS or the geoid grid."""
+    crs, lonlat, column = quoted(grid.crs)[1:-1], lonlat_of(table, grid), "lat_deg"
+    on_earth = np.isfinite(lonlat.sum(axis=1))
+    if "east_m" in table.numbers:
+        column, xy = "east_m", table.stack("east_m", "north_m")  # noqa: PD013 a flight's table
+        on_earth[on_earth] = np.isfinite(grid.convergence(lonlat[on_earth]))
+
+        def shown(row: int) -> str:
+            return f"{xy[row, 0]:.12g}, {xy[row, 1]:.12g}"
+
+        if of_degrees(grid, *xy.T):
+            fault = f"{shown(0)} (longitude, latitude in degrees?)"
+            yield table.problem(0, column, fault, f"must be metres where {crs} is meant for")
+        cure = f"must be a position that {crs} covers, easting first"
         yield from counted(
-            rows[~np.isfinite(grid.undulation(lonlat[rows]))],
-            lambda row, table=table, lonlat=lonlat, on_map=on_map: table.problem(  # type: ignore[misc]
-                row,
-                "east_m" if on_map else "lat_deg",
-                f"no height is known at {lonlat[row, 1]:.4f}, {lonlat[row, 0]:.4f}",
-                f"must lie inside the geoid grid {grid.height_system}",
-            ),
+            rows[~on_earth[rows]],
+            lambda row: table.problem(row, column, f"{shown(row)} is nowhere", cure),
+        )
+    rows = rows[on_earth[rows]]
+
+    def no_height(row: int) -> Problem:
+        fault = f"no height is known at {lonlat[row, 1]:.4f}, {lonlat[row, 0]:.4f}"
+        return table.problem(
+            row, column, fault, f"must lie inside the geoid grid {grid.height_system}"
         )
 
-
-def _pair(east_north: Array) -> str:
-    return f"{east_north[0]:.12g}, {east_north[1]:.12g}"
+    yield from counted(rows[~np.isfinite(grid.undulation(lonlat[rows]))], no_height)
 
 
 def _height_problems(tables: BlockTables) -> Iterator[Problem]:
@@ -841,11 +818,9 @@ def _datum_notes(block: Block) -> Iterator[str]:
             f"{parts} are held"
         )
     if len(block.control) < ENOUGH and not _observed(block):
-        scale = shown.count(len(block.distances), "distance")
         yield (
             f"{block.name}: neither three control points nor positions with sigma fix where the "
-            "block lies: it is a free network, "
-            + (f"whose scale is that of {scale}" if len(block.distances) else "of unknown scale")
+            "block lies: it is a free network of unknown scale"
         )
 
 

@@ -72,8 +72,6 @@ def _block_rows(block: Block) -> Iterator[tuple[str, str]]:
     )
     control = shown.count(len(block.control), "control point")
     yield "surveyed", f"{control}, {shown.count(len(block.check), 'check point')}"
-    if len(block.distances):
-        yield "distances", f"{len(block.distances)}, {_span(block.distances.distance_m, 'm', 3)}"
     if not block.frame.grid.is_local:
         lon, lat = block.frame.origin
         yield (

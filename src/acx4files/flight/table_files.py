@@ -26,11 +26,12 @@ from acx4files.flight.problems import (
     Range,
     counted,
     did_you_mean,
+    kind_of,
     quoted,
 )
 from acx4files.flight.tables import Schema, Table, faulty, form_of, numbers_of
 from acx4lib import system
-from acx4lib.expected import Array, given
+from acx4lib.expected import Array
 
 NO_END = "the last line has no line end; was the file cut off?"
 
@@ -245,14 +246,13 @@ def _name_problems(
     faults = faulty(set(names))
     if not may_be_empty:
         faults |= {cell: ("is empty", "must be a name") for cell in set(names) if not cell.strip()}
+
+    def wrong(row: int) -> Problem:
+        return table.problem(row, name, *faults[names[row]])
+
     for expected in dict.fromkeys(expected for _, expected in faults.values()):
-        alike = {cell: fault for cell, (fault, other) in faults.items() if other == expected}
-        yield from counted(
-            [row for row, cell in enumerate(names) if cell in alike],
-            lambda row, alike=alike, expected=expected: table.problem(  # type: ignore[misc]
-                row, name, alike[names[row]], expected
-            ),
-        )
+        alike = {cell for cell, (_, other) in faults.items() if other == expected}
+        yield from counted([row for row, cell in enumerate(names) if cell in alike], wrong)
 
 
 def _repeated(table: Table, key: tuple[str, ...]) -> Iterator[Problem]:
@@ -279,14 +279,8 @@ def _repeated(table: Table, key: tuple[str, ...]) -> Iterator[Problem]:
 # --- The bytes of a flight's files
 
 
-SMALL = 10_000_000
-"""Largest file, bytes, that is read without a check of the free memory."""
-
 DEEPEST = 10
 """Largest number of folders in the name of a file."""
-
-EXPANSION = 25
-"""Memory needed to read and check a file, as a multiple of its size."""
 
 
 def read_bytes(
@@ -368,11 +362,6 @@ def named_file(flight: Path, folder: Path, name: str) -> tuple[Path | None, str]
     return (path, "") if path.is_file() else (None, "is no regular file")
 
 
-def fits(size: int) -> bool:
-    """Tell whether files of `size` bytes in total can be read and checked in the free memory."""
-    return size <= SMALL or size * EXPANSION <= free_memory()
-
-
 def free_memory() -> int:
     """Return the memory that this process can still get, bytes, according to the system."""
     known = [_meminfo(), _group_limit()]
@@ -435,47 +424,46 @@ def table_in_memory(columns: Columns, name: str, schema: Schema) -> Table:
     names = columns if isinstance(columns, Mapping) else getattr(columns, "columns", None)
     wrong = Problem(file=name, line=-1, column="table", found="", expected="", in_memory=True)
     if names is None:
-        fault, cure = f"is {given(columns)}", "must be a DataFrame, or a dict of arrays"
+        fault, cure = f"is {kind_of(columns)}", "must be a DataFrame, or a dict of arrays"
         return Table(file=name, problems=(replace(wrong, found=fault, expected=cure),))
     header = [str(column) for column in names] or [""]
     problems = [*_header_problems(name, header, schema)]
     problems = [replace(problem, line=-1, in_memory=True) for problem in problems]
-    cells = {
+    cells: dict[str, NDArray[Any]] = {
         c: np.asarray(columns[c], dtype=object if isinstance(columns[c], list | tuple) else None)
         for c in dict.fromkeys(names)
         if c in schema.known
     }
     n = max((len(values) for values in cells.values() if values.ndim == 1), default=0)
-    cure = f"must be one value for each row, shape ({n},)"
     problems += [
-        replace(wrong, column=column, found=f"an array of shape {values.shape}", expected=cure)
+        replace(wrong, column=column, found=fault, expected=cure)
         for column, values in cells.items()
-        if values.shape != (n,)
+        for fault, cure in _misshapen(values, n)
     ]
-    table = Table(
-        file=name, in_memory=True, lines=np.arange(n), notes=(*_extra_notes(name, header, schema),)
-    )
+    notes = tuple(_extra_notes(name, header, schema))
+    table = Table(file=name, in_memory=True, lines=np.arange(n), notes=notes)
     for column in [] if problems else [c for c in cells if c not in schema.ranges]:
-        text = [_name(value) for value in cells[column].tolist()]
-        problems += counted(
-            [row for row, value in enumerate(text) if value is None],
-            lambda row, column=column: table.problem(  # type: ignore[misc]
-                row,
-                column,
-                quoted(cells[column].tolist()[row]),
-                "must be a name: text, or a whole number",
-            ),
-        )
-        cells[column] = np.array(text, dtype=object)
+        cells[column], faults = _names(table, column, cells[column].tolist())
+        problems += faults
     if problems:
         return replace(table, problems=tuple(problems), whole=False)
     table = _checked(table, cells, schema)
     sums = hashlib.sha256()
-    for column, values in (*table.text.items(), *table.numbers.items()):
-        sums.update(column.encode())
-        whole = values.tobytes() if isinstance(values, np.ndarray) else "\0".join(values).encode()
-        sums.update(whole)
+    for column, names_of in table.text.items():
+        sums.update("\0".join((column, *names_of)).encode())
+    for column, numbers in table.numbers.items():
+        sums.update(column.encode() + numbers.tobytes())
     return replace(table, sha256=sums.hexdigest())
+
+
+def _misshapen(values: NDArray[Any], n: int) -> Iterator[tuple[str, str]]:
+    """Yield what is wrong with the shape of a column that should have n rows."""
+    if values.ndim == 0:
+        one = repr(values.item())
+        yield f"the single value {one}", f"must be one for each row: np.full({n}, {one})"
+    elif values.shape != (n,):
+        cure = f"must be one value for each row, shape ({n},)"
+        yield f"an array of shape {values.shape}", cure
 
 
 def _numbers(cells: Sequence[Any] | NDArray[Any]) -> Array:
@@ -496,12 +484,22 @@ def _number(value: object) -> float:
         return np.nan
 
 
-def _name(value: object) -> str | None:
-    """Return a cell as a name, "" for a missing one, None where it can be no name."""
-    if _is_missing(value) or (isinstance(value, float) and np.isnan(value)):
-        return ""
-    is_name = isinstance(value, str | int | np.integer) and not isinstance(value, bool)
-    return str(value) if is_name else None
+def _names(
+    table: Table, column: str, values: list[object]
+) -> tuple[NDArray[Any], Iterator[Problem]]:
+    """Return cells as names, "" for missing ones, and the problems of those that can be none."""
+
+    def is_name(value: object) -> bool:
+        return isinstance(value, str | int | np.integer) and not isinstance(value, bool)
+
+    def wrong(row: int) -> Problem:
+        cure = "must be a name: text, or a whole number"
+        return table.problem(row, column, quoted(values[row]), cure)
+
+    empty = [_is_missing(cell) or (isinstance(cell, float) and np.isnan(cell)) for cell in values]
+    names = ["" if blank else str(cell) for blank, cell in zip(empty, values, strict=True)]
+    rows = [row for row, cell in enumerate(values) if not (empty[row] or is_name(cell))]
+    return np.array(names, dtype=object), counted(rows, wrong)
 
 
 def _is_missing(value: object) -> bool:

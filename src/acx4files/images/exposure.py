@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +12,10 @@ import numpy as np
 
 from acx4files.images.head_images import HeadFiles, HeadImages, read_heads
 from acx4files.images.image_files import fingerprint
-from acx4files.images.tiff import COMPRESSIONS, TILE, Format, write, write_preview
+from acx4files.images.tiff import COMPRESSIONS, TILE, write, write_preview
 from acx4lib import expected
 from acx4lib.calibration.heads import RelativeOrientation
-from acx4lib.errors import AdjustmentError, FlightError, OutputError
+from acx4lib.errors import FlightError, OutputError
 from acx4lib.expected import Raster
 from acx4lib.geometry.camera import Camera
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
@@ -33,12 +31,10 @@ from acx4lib.synthetic_image.response import (
     Response,
     ResponseFit,
     Samples,
-    estimate_response,
     fit_response,
     overlap_samples,
 )
-from acx4lib.tie_points.refinement import refine_by_rotations
-from acx4lib.tie_points.search import check_overlaps, find_ties
+from acx4lib.tie_points.search import check_overlaps
 
 FRAME = (
     "An ideal central perspective without distortion. Image coordinates are mm from the middle of "
@@ -57,14 +53,14 @@ HEADS_FRAME = (
 STACK = "stack"
 """The blend of heads whose fields coincide and whose bands differ: none; each has its own bands."""
 
-CHOICES: Mapping[str, tuple[str, ...]] = {
-    "blend": ("feather", "seam", STACK),
-    "interpolation": ("bilinear", "cubic"),
-    "equalise": ("flight", "image", "none"),
-    "refine": ("flight", "image"),
-    "compression": COMPRESSIONS,
-}
-"""Allowed values of `RenderOptions`."""
+STRIPES_AT_HAND = 8
+"""Number of stripes after which the memory of mapped pixels is given back."""
+
+TellRows = Callable[[str, int, int], None]
+"""It is called with the exposure, the number of finished rows and the number of all rows."""
+
+Fill = Callable[[Raster, int], Any]
+"""Fills an array with rows of the image from a given row on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,11 +75,8 @@ class RenderOptions:
     feather_px : float
         Width of the blending, px of a head at full size.
     interpolation : {"bilinear", "cubic"}
-    equalise : {"flight", "image", "none"}
-        Whether responses of the heads are estimated once, for every image, or not at all; a stack
-        has none.
-    refine : {"flight", "image"}
-        Orientation of the heads: from the results, or refined by the tie points of each image.
+    equalise : {"flight", "none"}
+        Whether responses of the heads are estimated once for the flight; a stack has none.
     compression : str
         One of `tiff.COMPRESSIONS`.
     """
@@ -92,18 +85,15 @@ class RenderOptions:
     feather_px: float = FEATHER_PX
     interpolation: Interpolation = "bilinear"
     equalise: str = "flight"
-    refine: str = "flight"
     compression: str = "none"
 
     def __post_init__(self) -> None:
-        for name, known in CHOICES.items():
-            if getattr(self, name) not in known:
-                msg = f"{name} {getattr(self, name)!r}: must be one of {', '.join(known)}"
-                raise ValueError(msg)
+        expected.one_of("blend", self.blend, ("feather", "seam", STACK))
+        expected.one_of("interpolation", self.interpolation, ("bilinear", "cubic"))
+        equalise = ("none",) if self.blend == STACK else ("flight", "none")
+        expected.one_of("equalise", self.equalise, equalise)
+        expected.one_of("compression", self.compression, tuple(COMPRESSIONS))
         expected.positive("feather_px", self.feather_px, zero=True)
-        if self.blend == STACK and self.equalise != "none":
-            msg = f"equalise {self.equalise!r}: bands of a stack are not equalised; must be none"
-            raise ValueError(msg)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,14 +110,16 @@ class RenderJob:
     synthetic : Camera
         At full size.
     options : RenderOptions
-    response : Response or None
-        Response of the flight; None where there is none, or none is wanted.
     path, preview : Path
         Files to write.
     about : dict
         Further entries for the description in the image.
+    response : Response or None
+        Response of the flight; None where there is none, or none is wanted.
     checked : bool
         Whether its pictures are known to belong together.
+    threads : int or None
+        Number of threads; None for all.
     """
 
     exposure: str
@@ -135,11 +127,12 @@ class RenderJob:
     orientation: RelativeOrientation
     synthetic: Camera
     options: RenderOptions
-    response: Response | None
     path: Path
     preview: Path
     about: Mapping[str, Any]
+    response: Response | None = None
     checked: bool = False
+    threads: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,13 +165,12 @@ def render_exposure(job: RenderJob, tell: TellRows) -> Outcome:
         heads = read_heads(job.files, job.orientation.heads)
         return _render(_reduced(job, heads.reduction), heads, tell)
     except FlightError as error:
-        return Outcome(exposure=job.exposure, problems=error.problems)
+        problems = error.problems
     except OutputError as error:
-        return Outcome(exposure=job.exposure, problems=(str(error),))
+        problems = (str(error),)
     except OSError as error:
-        reason = error.strerror or str(error)
-        problem = f"{job.path}: cannot be written ({reason})"
-        return Outcome(exposure=job.exposure, problems=(problem,))
+        problems = (f"{job.path}: cannot be written ({error.strerror or error})",)
+    return Outcome(exposure=job.exposure, problems=problems)
 
 
 def _reduced(job: RenderJob, k: int) -> RenderJob:
@@ -192,105 +184,48 @@ def _reduced(job: RenderJob, k: int) -> RenderJob:
 
 
 def _render(job: RenderJob, heads: HeadImages, tell: TellRows) -> Outcome:
-    """Check, refine, equalise and write an image; cameras and images have the same size."""
-    if not job.checked:
-        wrong = check_overlaps(heads.images, job.orientation, job.synthetic)
-        if wrong:
-            return Outcome(exposure=job.exposure, problems=tuple(wrong))
-    _need_room(job, heads)
-    job, notes = _refined(job, heads)
-    job = replace(job, response=_response(job, heads))
-    feather = job.options.feather_px if job.options.blend == "feather" else 0.0
+    """Check, equalise and write an image; cameras and images have the same size."""
+    wrong = [] if job.checked else check_overlaps(heads.images, job.orientation, job.synthetic)
+    if wrong:
+        return Outcome(exposure=job.exposure, problems=tuple(wrong))
+    bands, dtype = heads.images[0].shape[2], heads.images[0].dtype
+    if job.response is not None and job.response.coefficients.shape[1] != bands:
+        others = f"{job.response.coefficients.shape[1]}; all must be alike"
+        raise FlightError([f"{job.files[0]}: has {bands} bands, pictures before it have {others}"])
+    stack = job.options.blend == STACK
     plan = render_plan(
         job.orientation,
         job.synthetic,
         response=job.response,
-        feather_px=feather,
+        feather_px=job.options.feather_px if job.options.blend == "feather" else 0.0,
         interpolation=job.options.interpolation,
     )
+    fill = (stacked if stack else blended)(plan, heads.images, job.threads)
+    shape = plan.height_px, plan.width_px, bands * (len(heads.images) if stack else 1)
+
+    def told(done: int, rows: int) -> None:
+        tell(job.exposure, done, rows)
+        if done % (STRIPES_AT_HAND * TILE) == 0 or done == rows:
+            heads.forget()
+
     write(
         job.path,
-        _stripes(job, plan, heads, tell),
-        _format(job, heads),
-        _about(job, notes),
-    )
-    heads.forget()
-    write_preview(job.preview, job.path)
-    return Outcome(exposure=job.exposure, notes=(*notes, *_size_note(job, heads)))
-
-
-def _size_note(job: RenderJob, heads: HeadImages) -> Iterator[str]:
-    if heads.reduction > 1:
-        size = f"{job.synthetic.width_px} x {job.synthetic.height_px} px"
-        yield f"head images at 1/{heads.reduction} of the size, so the synthetic image has {size}"
-
-
-def _refined(job: RenderJob, heads: HeadImages) -> tuple[RenderJob, tuple[str, ...]]:
-    """Return the job, its heads refined by this image's tie points if this is requested."""
-    if job.options.refine == "flight":
-        return job, ()
-    ties = find_ties(heads.images, job.orientation, job.synthetic)
-    notes = tuple(ties.sentences)
-    try:
-        refined = refine_by_rotations(job.orientation, ties.ties)
-    except AdjustmentError as error:
-        return job, (*notes, f"not refined by its own tie points: {error}")
-    notes = (*notes, refined.sentence) if refined.sentence else notes
-    if refined.unreached:
-        notes = (*notes, f"without tie points, as they were: {', '.join(refined.unreached)}")
-    return replace(job, orientation=refined.orientation), notes
-
-
-def _response(job: RenderJob, heads: HeadImages) -> Response | None:
-    """Return the flight's response if it has the same bands, otherwise this image's own."""
-    if job.options.equalise == "none":
-        return None
-    bands = heads.images[0].shape[2]
-    if job.response is not None and job.response.coefficients.shape[1] == bands:
-        return job.response
-    rng = np.random.default_rng(SEED)
-    return estimate_response(heads.images, job.orientation, job.synthetic, rng=rng).response
-
-
-def _stripes(
-    job: RenderJob, plan: RenderPlan, heads: HeadImages, tell: TellRows
-) -> Iterator[Raster]:
-    fill = stacked if job.options.blend == STACK else blended
-    form = _format(job, heads)
-    return stripes(
-        fill(plan, heads.images),
-        (form.height, form.width, form.bands),
-        heads.images[0].dtype,
-        partial(tell, job.exposure),
-    )
-
-
-def _format(job: RenderJob, heads: HeadImages) -> Format:
-    stack = job.options.blend == STACK
-    return Format(
-        height=job.synthetic.height_px,
-        width=job.synthetic.width_px,
-        bands=heads.images[0].shape[2] * (len(heads.images) if stack else 1),
-        stack=stack,
-        dtype=heads.images[0].dtype.name,
+        stripes(fill, shape, dtype, told),
+        shape,
+        _about(job),
         pixel_mm=job.synthetic.pixel_mm,
+        dtype=dtype.name,
+        colour=bands >= 3 and not stack,
         compression=job.options.compression,
+        threads=job.threads,
     )
+    write_preview(job.preview, job.path)
+    size = f"{plan.width_px} x {plan.height_px} px"
+    note = f"head images at 1/{heads.reduction} of the size, so the synthetic image has {size}"
+    return Outcome(exposure=job.exposure, notes=(note,) if heads.reduction > 1 else ())
 
 
-def _need_room(job: RenderJob, heads: HeadImages) -> None:
-    """Raise where the disk has no room for the result, before hours of work."""
-    form = _format(job, heads)
-    needs = 5 / 3 * form.height * form.width * form.bands * heads.images[0].dtype.itemsize
-    free = shutil.disk_usage(job.path.parent).free
-    if form.compression == "none" and free < needs:
-        problem = (
-            f"{job.path}: needs {needs / 1e9:.2g} GB while it is made, {free / 1e9:.2g} are free"
-        )
-        raise FlightError([problem])
-
-
-def _about(job: RenderJob, notes: Sequence[str]) -> dict[str, Any]:
+def _about(job: RenderJob) -> dict[str, Any]:
     """Return the description in the image."""
     camera = job.synthetic
     return {
@@ -307,7 +242,6 @@ def _about(job: RenderJob, notes: Sequence[str]) -> dict[str, Any]:
         "options": asdict(job.options),
         "heads_frame": HEADS_FRAME,
         "heads": [_about_head(job, k) for k in range(len(job.files))],
-        "notes": list(notes),
         **job.about,
     }
 
@@ -341,26 +275,19 @@ def _valid_range(response: Response, k: int) -> list[float | None]:
 # --- A synthetic image in stripes, from top to bottom: heads blended, or stacked as its bands
 
 
-TellRows = Callable[[str, int, int], None]
-"""It is called with the exposure, the number of finished rows and the number of all rows."""
-
-Fill = Callable[[Raster, int], Any]
-"""Fills an array with rows of the image from a given row on."""
-
-
-def blended(plan: RenderPlan, images: Sequence[Raster]) -> Fill:
+def blended(plan: RenderPlan, images: Sequence[Raster], threads: int | None = None) -> Fill:
     """Return a function that fills stripes with the blended image of all heads."""
-    return lambda out, start: render_into(out, plan, images, start, None)
+    return lambda out, start: render_into(out, plan, images, start, threads)
 
 
-def stacked(plan: RenderPlan, images: Sequence[Raster]) -> Fill:
+def stacked(plan: RenderPlan, images: Sequence[Raster], threads: int | None = None) -> Fill:
     """Return a function that fills stripes with the bands of all heads, head after head."""
     head_plans = [replace(plan, maps=(head,), feather_px=0.0) for head in plan.maps]
 
     def fill(out: Raster, start: int) -> None:
         stop = start + len(out)
         parts = (
-            render_rows(head_plan, [image], start, stop)
+            render_rows(head_plan, [image], start, stop, threads=threads)
             for head_plan, image in zip(head_plans, images, strict=True)
         )
         np.concatenate(list(parts), axis=2, out=out)
@@ -469,31 +396,20 @@ def estimate_flight_response(
     used: list[str] = []
     n_bands = 0
     for exposure in files:
-        exposure_samples = _samples(exposure, orientation, synthetic, rng)
-        bands = exposure_samples[0].log_ratio.shape[1] if exposure_samples else 0
-        if exposure_samples and bands == (n_bands or bands):
-            samples += exposure_samples
+        try:
+            heads = read_heads(exposure.paths, orientation.heads)
+        except FlightError:
+            continue  # the problem is reported when this exposure is rendered
+        n_bands = n_bands or heads.images[0].shape[2]
+        reduced = reduced_heads(orientation, heads.reduction)
+        camera = reduced_camera(synthetic, heads.reduction)
+        is_unlike = heads.images[0].shape[2] != n_bands
+        if is_unlike or check_overlaps(heads.images, reduced, camera):
+            continue
+        if here := overlap_samples(heads.images, reduced, camera, rng=rng):
+            samples += here
             used.append(exposure.exposure)
-            n_bands = bands
     if not samples:
         return None
     fit = fit_response(samples, n_heads=len(orientation.heads), n_bands=n_bands)
     return FlightResponse(fit=fit, exposures=tuple(used))
-
-
-def _samples(
-    files: HeadFiles,
-    orientation: RelativeOrientation,
-    synthetic: Camera,
-    rng: np.random.Generator,
-) -> list[Samples]:
-    """Return the samples of one exposure; empty where its files are not good."""
-    try:
-        heads = read_heads(files.paths, orientation.heads)
-    except FlightError:
-        return []  # the problem is reported when this exposure is rendered
-    reduced = reduced_heads(orientation, heads.reduction)
-    camera = reduced_camera(synthetic, heads.reduction)
-    if check_overlaps(heads.images, reduced, camera):
-        return []
-    return overlap_samples(heads.images, reduced, camera, rng=rng)

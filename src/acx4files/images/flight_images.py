@@ -6,14 +6,14 @@ the others still are.
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import importlib.metadata
-import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+
+import pandas as pd
 
 from acx4files.flight.reader import Flight
 from acx4files.images.exposure import (
@@ -95,6 +95,7 @@ def render_flight(
     *,
     exposures: Sequence[str] | None = None,
     options: RenderOptions = RenderOptions(),  # noqa: B008 frozen
+    threads: int | None = None,
     tell: TellRows = lambda *_: None,
 ) -> Rendered:
     """Render the synthetic images of a flight.
@@ -111,6 +112,8 @@ def render_flight(
         By default all exposures with the files of all heads, in every block that is measured in
         heads; ``block/name`` where two of them have an exposure of this name.
     options : RenderOptions
+    threads : int, optional
+        By default one for each processor of this computer.
     tell : callable
         Called with exposure, rows finished and all rows; all rows are 0 if the exposure failed.
 
@@ -125,44 +128,40 @@ def render_flight(
     """
     rig, folder = read_rig(flight, Path(results_path)), Path(folder)
     files = flight_files(flight, [head.name for head in rig.orientation.heads])
-    complete, incomplete = files.complete, files.incomplete
     chosen = files.chosen(exposures)
-    sources = spread(list(complete.values())) if options.equalise == "flight" else []
+    sources = spread(list(files.complete.values())) if options.equalise == "flight" else []
     with own_folder.claim(folder, signs=[IMAGES], away_from=[flight.path]):
-        jobs = _jobs(rig, [complete[n] for n in chosen if n in complete], folder, options, sources)
-        kept = {job.exposure for job in jobs if _is_made(job)}
-        remaining = [job for job in jobs if job.exposure not in kept]
+        complete = [files.complete[name] for name in chosen if name in files.complete]
+        jobs = _jobs(rig, complete, folder, options, sources, threads)
+        kept = [job for job in jobs if _is_made(job)]
+        _list(rig, kept)
+        waiting = [job for job in jobs if job not in kept]
         response = (
-            estimate_flight_response(sources, rig.orientation, rig.synthetic) if remaining else None
+            estimate_flight_response(sources, rig.orientation, rig.synthetic) if waiting else None
         )
-        remaining = [_with_response(job, response) for job in remaining]
-        outcomes = [*_missing(chosen, incomplete), *_rendered(remaining, rig, tell)]
-        if kept:
-            _list(folder, rig, [job for job in jobs if job.exposure in kept])
-    outcomes.sort(key=lambda o: chosen.index(o.exposure))
-    left_out = incomplete if exposures is None else {}
-    failed = {outcome.exposure for outcome in outcomes if outcome.problems}
+        for job in waiting:
+            tell(job.exposure, 0, job.synthetic.height_px)
+        outcomes = {}
+        for job in waiting:
+            equalised = job
+            if response is not None:
+                checked = job.exposure in response.exposures
+                equalised = replace(job, response=response.fit.response, checked=checked)
+            outcomes[job.exposure] = outcome = render_exposure(equalised, tell)
+            if outcome.problems:
+                tell(job.exposure, 0, 0)
+            else:
+                _list(rig, [job])
+    for name in chosen:
+        if name in files.incomplete:
+            outcomes[name] = Outcome(exposure=name, problems=(files.incomplete[name],))
+    left_out = {} if exposures is not None else files.incomplete
     return Rendered(
-        rendered=tuple(job.exposure for job in remaining if job.exposure not in failed),
-        kept=tuple(job.exposure for job in jobs if job.exposure in kept),
-        problems=tuple(f"{o.exposure}: {p}" for o in outcomes for p in o.problems),
-        notes=tuple(_notes(results_path, rig, left_out, response, outcomes)),
+        rendered=tuple(name for name, outcome in outcomes.items() if not outcome.problems),
+        kept=tuple(job.exposure for job in kept),
+        problems=tuple(f"{n}: {p}" for n in chosen if n in outcomes for p in outcomes[n].problems),
+        notes=tuple(_notes(results_path, rig, left_out, response, outcomes.values())),
     )
-
-
-def _rendered(jobs: Sequence[RenderJob], rig: SyntheticRig, tell: TellRows) -> list[Outcome]:
-    """Render images, and add each to the folder's table as soon as it is complete."""
-    outcomes = []
-    for job in jobs:
-        tell(job.exposure, 0, job.synthetic.height_px)
-    for job in jobs:
-        outcome = render_exposure(job, tell)
-        outcomes.append(outcome)
-        if outcome.problems:
-            tell(job.exposure, 0, 0)
-        else:
-            _list(job.path.parent, rig, [job])
-    return outcomes
 
 
 # --- orientation and response ----------------------------------------------------------------
@@ -215,13 +214,6 @@ def _read_orientation(flight: Flight, results_path: Path) -> tuple[str, Relative
     raise FlightError([f"{results_path}: has no orientation of the heads; run stage heads first"])
 
 
-def _with_response(job: RenderJob, response: FlightResponse | None) -> RenderJob:
-    if response is None:
-        return job
-    checked = job.exposure in response.exposures
-    return replace(job, response=response.fit.response, checked=checked)
-
-
 def _other_constant(rig: SyntheticRig) -> Iterator[str]:
     """Yield a note if the camera constant is not that of the flight."""
     first = rig.orientation.heads[0]
@@ -236,64 +228,46 @@ def _other_constant(rig: SyntheticRig) -> Iterator[str]:
 # --- which images ----------------------------------------------------------------------------
 
 
-def _missing(chosen: Iterable[str], incomplete: Mapping[str, str]) -> list[Outcome]:
-    return [Outcome(exposure=n, problems=(incomplete[n],)) for n in chosen if n in incomplete]
-
-
 def _jobs(
     rig: SyntheticRig,
     exposures: Sequence[HeadFiles],
     folder: Path,
     options: RenderOptions,
     sources: Sequence[HeadFiles],
+    threads: int | None,
 ) -> list[RenderJob]:
-    """Return the jobs of all images."""
+    """Return the jobs of all images, each with a checksum of all that its image depends on."""
+    orientation = rig.orientation
     about = {
         "flight": rig.flight.name,
         "orientation": rig.source,
         "tables": rig.tables,
         "response_from": [files.exposure for files in sources],
-        "software": f"acx4lib {_version()}",
+        "software": f"acx4lib {importlib.metadata.version('acx4lib')}",
     }
-    depends = [about, asdict(options), *_numbers(rig), *(_files(files) for files in sources)]
-    return [
-        RenderJob(
-            exposure=files.exposure,
-            files=files.paths,
-            orientation=rig.orientation,
-            synthetic=rig.synthetic,
-            options=options,
-            response=None,
-            path=folder / f"{file_stem(files.exposure)}.tif",
-            preview=folder / f"{file_stem(files.exposure)}_preview.jpg",
-            about={**about, "input": _checksum([*depends, _files(files)])},
-        )
-        for files in exposures
-    ]
-
-
-def _version() -> str:
-    try:
-        return importlib.metadata.version("acx4lib")
-    except importlib.metadata.PackageNotFoundError:
-        return "not installed"
-
-
-def _numbers(rig: SyntheticRig) -> list[object]:
-    """Return all numbers of cameras and orientation on which an image depends."""
     cameras = [
         [c.name, c.width_px, c.height_px, c.pixel_mm, asdict(c.interior)]
-        for c in (rig.synthetic, *rig.orientation.heads)
+        for c in (rig.synthetic, *orientation.heads)
     ]
-    return [cameras, rig.orientation.xyz_mm.tolist(), rig.orientation.opk.tolist()]
+    depends: list[object] = [about, asdict(options), cameras]
+    depends += [orientation.xyz_mm.tolist(), orientation.opk.tolist()]
+    depends += [[files.exposure, *map(fingerprint, files.paths)] for files in sources]
 
+    def job(files: HeadFiles) -> RenderJob:
+        own = [*depends, [files.exposure, *map(fingerprint, files.paths)]]
+        return RenderJob(
+            exposure=files.exposure,
+            files=files.paths,
+            orientation=orientation,
+            synthetic=rig.synthetic,
+            options=options,
+            path=folder / f"{file_stem(files.exposure)}.tif",
+            preview=folder / f"{file_stem(files.exposure)}_preview.jpg",
+            about={**about, "input": hashlib.sha256(json.dumps(own).encode()).hexdigest()},
+            threads=threads,
+        )
 
-def _files(files: HeadFiles) -> list[str]:
-    return [files.exposure, *(fingerprint(path) for path in files.paths)]
-
-
-def _checksum(depends: Sequence[object]) -> str:
-    return hashlib.sha256(json.dumps(depends).encode()).hexdigest()
+    return [job(files) for files in exposures]
 
 
 def _is_made(job: RenderJob) -> bool:
@@ -309,7 +283,7 @@ def _notes(
     rig: SyntheticRig,
     left_out: Mapping[str, str],
     response: FlightResponse | None,
-    outcomes: Sequence[Outcome],
+    outcomes: Iterable[Outcome],
 ) -> Iterator[str]:
     """Yield the notes on all images, then each note on single exposures, with their names."""
     yield f"heads as {results_path} has them, {rig.source}"
@@ -318,23 +292,22 @@ def _notes(
         yield f"left out, without the files of all heads: {', '.join(left_out)}"
     if response is not None:
         yield str(response)
-    for note in dict.fromkeys(note for outcome in outcomes for note in outcome.notes):
-        names = [outcome.exposure for outcome in outcomes if note in outcome.notes]
-        yield f"{', '.join(names)}: {note}"
+    noted: dict[str, list[str]] = {}
+    for outcome in outcomes:
+        for note in outcome.notes:
+            noted.setdefault(note, []).append(outcome.exposure)
+    yield from (f"{', '.join(names)}: {note}" for note, names in noted.items())
 
 
-def _list(folder: Path, rig: SyntheticRig, jobs: Sequence[RenderJob]) -> None:
-    """Add images to the folder's table, sorted by their names."""
+def _list(rig: SyntheticRig, jobs: Sequence[RenderJob]) -> None:
+    """Add images to their folder's table, sorted by their names."""
+    if not jobs:
+        return
+    folder = jobs[0].path.parent
     path = folder / IMAGES
-    rows = {}
-    if path.is_file():
-        lines = path.read_text("utf-8-sig").splitlines()
-        rows = {row["exposure"]: row for row in csv.DictReader(lines) if row.get("exposure")}
-    for job in jobs:
-        values = (job.exposure, rig.synthetic.name, job.exposure, job.path.name)
-        rows[job.exposure] = dict(zip(_HEADER, values, strict=True))
-    table = io.StringIO(newline="")
-    writer = csv.DictWriter(table, _HEADER, extrasaction="ignore", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows[name] for name in sorted(rows) if (folder / rows[name]["file"]).is_file())
-    whole_files.write(path, table.getvalue())
+    known = pd.read_csv(path, dtype=str, keep_default_na=False) if path.is_file() else None
+    new = [(job.exposure, rig.synthetic.name, job.exposure, job.path.name) for job in jobs]
+    table = pd.concat([known, pd.DataFrame(new, columns=list(_HEADER))])[list(_HEADER)]
+    table = table.drop_duplicates("exposure", keep="last").sort_values("exposure")
+    table = table[[(folder / name).is_file() for name in table["file"]]]
+    whole_files.write(path, table.to_csv(index=False, lineterminator="\n"))

@@ -127,42 +127,26 @@ def flight_files(flight: Flight, heads: Sequence[str]) -> FlightFiles:
     FlightError
         Where no image of a head has a file.
     """
-    blocks = [
+    named = [
         name for name in ("heads", *flight.transferred) if any(flight.image_files.get(name, ()))
     ]
-    files_of_block = {name: head_files(flight, heads, block=name) for name in blocks or ("heads",)}
-    places = [
-        (name, exposure)
-        for name, parts in files_of_block.items()
-        for part in parts
-        for exposure in part
-    ]
-    full = {f"{name}/{exposure}" for name, exposure in places}
-    times = Counter(exposure for _, exposure in places)
-    label = {
-        (name, exposure): exposure
-        if times[exposure] == 1 and exposure not in full
-        else f"{name}/{exposure}"
-        for name, exposure in places
-    }
+    by_block = {name: head_files(flight, heads, block=name) for name in named or ("heads",)}
+    full = [f"{block}/{e}" for block, parts in by_block.items() for part in parts for e in part]
+    times = Counter(name.partition("/")[2] for name in full)
+    complete, incomplete = {}, {}
     meant: dict[str, tuple[str, ...]] = {}
-    for (name, exposure), unique in label.items():
-        for alias in dict.fromkeys((exposure, f"{name}/{exposure}", unique)):
-            meant[alias] = (*meant.get(alias, ()), unique)
-    return FlightFiles(
-        complete={
-            label[name, exposure]: replace(files, exposure=label[name, exposure])
-            for name, (complete, _) in files_of_block.items()
-            for exposure, files in complete.items()
-        },
-        incomplete={
-            label[name, exposure]: reason
-            for name, (_, incomplete) in files_of_block.items()
-            for exposure, reason in incomplete.items()
-        },
-        meant=meant,
-        tables=tuple(_table(flight, name) for name in files_of_block),
-    )
+    for block, (files, missing) in by_block.items():
+        for exposure in (*files, *missing):
+            is_clear = times[exposure] == 1 and exposure not in full
+            label = exposure if is_clear else f"{block}/{exposure}"
+            for alias in (exposure, f"{block}/{exposure}"):
+                meant[alias] = (*meant.get(alias, ()), label)
+            if exposure in files:
+                complete[label] = replace(files[exposure], exposure=label)
+            else:
+                incomplete[label] = missing[exposure]
+    tables = tuple(_table(flight, block) for block in by_block)
+    return FlightFiles(complete=complete, incomplete=incomplete, meant=meant, tables=tables)
 
 
 def _table(flight: Flight, block: str) -> Path:

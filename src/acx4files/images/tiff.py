@@ -1,40 +1,50 @@
-"""TIFF files: opened, looked at for their end, and large images written."""
+"""Images too large for the memory, written as a tiled BigTIFF with overviews; and previews.
+
+The rows come in stripes while they are rendered. A file gets its name when it is complete.
+"""
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
 import os
-import struct
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryFile
-from types import TracebackType
-from typing import IO, Any, BinaryIO, Self
+from typing import Any
 
 import cv2
 import numpy as np
 import tifffile
-from numpy.typing import NDArray
 
 from acx4files.results import whole_files
-from acx4lib import expected
 from acx4lib.expected import Raster
 from acx4lib.least_squares import processors
+from acx4lib.synthetic_image.compiled import halve_into
 
-_BROKEN = (struct.error, OSError, ValueError, OverflowError, TypeError, LookupError)
+TILE = 512
+"""Rows and columns of a tile; the last overview is not larger."""
 
+COMPRESSIONS = {
+    "none": {},
+    "deflate": {"compression": "zlib", "compressionargs": {"level": 1}, "predictor": True},
+    "zstd": {"compression": "zstd", "compressionargs": {"level": 1}, "predictor": True},
+    "lzw": {"compression": "lzw", "predictor": True},
+}
+"""Arguments of the TIFF writer; zstd is the fastest, and every program reads deflate."""
 
-def opened(source: Path | BinaryIO) -> tifffile.TiffFile:
-    """Open a TIFF, never as a format of a microscope.
+PREVIEW_PX = 2000
+"""Longer side of a preview."""
 
-    Parameters
-    ----------
-    source : Path or binary file
-    """
-    return tifffile.TiffFile(source, is_lsm=False, is_ndpi=False, is_scanimage=False, is_stk=False)
+GAMMA = 1.6
+"""Gamma of a preview: dark ground is visible, and colours do not become pale."""
+
+_AT_A_TIME = 2**25
+"""Bytes of tiles that threads compress at a time."""
+
+_GDAL_NODATA = (42113, "s", 0, "0", True)
+_UNSPECIFIED = 0
 
 
 @contextmanager
@@ -51,109 +61,19 @@ def in_silence() -> Iterator[None]:
 def end_of_pixels(tiff: tifffile.TiffFile) -> int:
     """Return the size that a TIFF needs for the parts of its first image, bytes, by its tags."""
     page = tiff.pages.first
-    places = zip(page.dataoffsets, page.databytecounts, strict=False)
-    return max((int(offset) + int(n) for offset, n in places), default=0)
+    return max(map(sum, zip(page.dataoffsets, page.databytecounts, strict=False)), default=0)
 
 
-def is_cut_off(file: BinaryIO, size: int) -> bool:
-    """Tell whether a TIFF ends before its tags or its pixels do.
-
-    Parameters
-    ----------
-    file : binary file
-        At its beginning.
-    size : int
-        Of the file, bytes.
-    """
-    try:
-        with in_silence(), opened(file) as tiff:
-            page = tiff.pages.first
-            places = sum(tag.valueoffset + tag.valuebytecount > size for tag in page.tags)
-            return places > 0 or not page.dataoffsets or end_of_pixels(tiff) > size
-    except (tifffile.TiffFileError, IndexError):
-        file.seek(0)
-        return file.read(2) in (b"II", b"MM")  # and its directory is not there
-    except _BROKEN:  # damaged otherwise: reported where the file is read
-        return False
-
-
-# --- Images too large for the memory, written as a tiled BigTIFF with overviews
-#
-# The rows come in stripes while they are rendered. A file gets its name when it is complete and on
-# the disk, or never.
-
-
-TILE = 512
-"""Rows and columns of a tile; the last overview is not larger."""
-
-COMPRESSIONS = ("none", "deflate", "zstd", "lzw")
-"""zstd is the fastest; every program reads deflate."""
-
-PREVIEW_PX = 2000
-"""Longer side of a preview."""
-
-GAMMA = 1.6
-"""Gamma of a preview: dark ground is visible, and colours do not become pale."""
-
-MOST_STACKED = 100
-"""Largest number of bands of a stack."""
-
-_CODEC = {"deflate": "zlib", "zstd": "zstd", "lzw": "lzw"}
-"""The TIFF writer's names; its own "deflate" has a code that few programs read."""
-
-_LEVEL = {"deflate": 1, "zstd": 1}
-
-_AT_A_TIME = 2**25
-"""Bytes of tiles that threads compress at a time."""
-
-_GDAL_NODATA = (42113, "s", 0, "0", True)
-_UNSPECIFIED = 0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Format:
-    """The format of an image.
-
-    Attributes
-    ----------
-    height, width, bands : int
-    dtype : str
-        ``uint8`` or ``uint16``.
-    pixel_mm : float
-        Size of a pixel in the image plane.
-    compression : str
-        One of `COMPRESSIONS`.
-    stack : bool
-        Whether its bands are pictures of their own, and no colours.
-    """
-
-    height: int
-    width: int
-    bands: int
-    dtype: str
-    pixel_mm: float
-    compression: str = "none"
-    stack: bool = False
-
-    def __post_init__(self) -> None:
-        if self.compression not in COMPRESSIONS:
-            msg = f"compression {self.compression!r} is none of {', '.join(COMPRESSIONS)}"
-            raise ValueError(msg)
-        most = MOST_STACKED if self.stack else 4
-        if self.dtype not in ("uint8", "uint16") or not 1 <= self.bands <= most:
-            bands = f"{self.bands} of {self.dtype}"
-            raise ValueError(f"1 to {most} bands of uint8 or uint16 are written, not {bands}")
-        expected.whole("height", self.height)
-        expected.whole("width", self.width)
-        expected.positive("pixel_mm", self.pixel_mm)
-
-
-def write(
+def write(  # noqa: PLR0913 what, how and where
     path: Path,
     stripes: Iterable[Raster],
-    form: Format,
+    shape: tuple[int, int, int],
     about: Mapping[str, Any],
     *,
+    pixel_mm: float,
+    dtype: str = "uint16",
+    colour: bool = True,
+    compression: str = "none",
     threads: int | None = None,
 ) -> None:
     """Write an image stripe by stripe while it is made.
@@ -162,12 +82,21 @@ def write(
     ----------
     path : Path
         An earlier file of this name is replaced.
-    stripes : iterable of ndarray, shape (rows, width, bands)
-        From top to bottom, with any number of rows each. A stripe of `TILE` rows may be overwritten
-        when the next is requested.
-    form : Format
+    stripes : iterable of ndarray, shape (TILE, width, bands)
+        From top to bottom; the last may be lower. A stripe may be overwritten when the next is
+        requested.
+    shape : tuple of int
+        Height, width and bands.
     about : mapping
         Written as JSON into the ImageDescription.
+    pixel_mm : float
+        Size of a pixel in the image plane.
+    dtype : str
+        ``uint8`` or ``uint16``.
+    colour : bool
+        Whether the first three bands are red, green and blue.
+    compression : str
+        One of `COMPRESSIONS`.
     threads : int, optional
         Number of threads that compress; by default one for each processor.
 
@@ -177,24 +106,88 @@ def write(
         Where there is no space for it.
     OSError
         Where the file cannot be written otherwise, as without permission.
-    ValueError
-        Where the stripes do not match `form`.
 
     Notes
     -----
     No-data is zero, and it is declared in GDAL's tag. The meaning of a fourth band is left
-    unspecified: it is not transparency. The same pixels give the same bytes.
+    unspecified: it is not transparency. The same pixels give the same bytes. The overviews, a
+    third of the image, are kept in memory.
     """
-    threads = threads or processors.cores()
-    sizes = _sizes(form)
-    with whole_files.appearing(path) as part, _overviews(path.parent, form) as pyramid:
-        with tifffile.TiffWriter(part, bigtiff=True) as tiff:
-            base = _tiles(_passed_on(_checked(stripes, form), pyramid), form.width)
-            _write_level(tiff, base, form, sizes[0], json.dumps(about, indent=1), threads)
-            for level, size in enumerate(sizes[1:], start=1):
-                tiles = _tiles(pyramid.stripes(level, TILE), size[1])
-                _write_level(tiff, tiles, form, size, None, threads)
-        _to_disk(part)
+    height, width, bands = shape
+    sizes = level_sizes(height, width)
+    smaller = [np.empty((*size, bands), dtype) for size in sizes[1:]]
+    how: dict[str, Any] = {
+        "dtype": dtype,
+        "tile": (TILE, TILE),
+        "photometric": "rgb" if colour else "minisblack",
+        "planarconfig": "contig" if bands > 1 else None,
+        "extrasamples": [_UNSPECIFIED] * (bands - (3 if colour else 1)) or None,
+        "maxworkers": threads or processors.cores(),
+        "buffersize": _AT_A_TIME,
+        "metadata": None,
+        "resolutionunit": "CENTIMETER",
+        "extratags": [_GDAL_NODATA],
+        **COMPRESSIONS[compression],
+    }
+    first = {"description": json.dumps(about, indent=1), "software": "acx4lib", "subfiletype": 0}
+    with (
+        whole_files.appearing(path) as part,
+        _with_reason(),
+        tifffile.TiffWriter(part, bigtiff=True) as tiff,
+    ):
+        for level, size in enumerate(sizes):
+            if level > 1:
+                halve_into(smaller[level - 1], smaller[level - 2])
+            rows = _halved(stripes, smaller[:1]) if level == 0 else _stripes(smaller[level - 1])
+            tiff.write(
+                _tiles(rows),
+                shape=(*size, bands) if bands > 1 else size,
+                resolution=2 * (10 / pixel_mm * max(size) / max(height, width),),
+                **how,
+                **(first if level == 0 else {"software": False, "subfiletype": 1}),
+            )
+
+
+@contextmanager
+def _with_reason() -> Iterator[None]:
+    """Give the reason of an error of numpy, which only tells how many bytes it could not write."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from None
+        raise
+
+
+def level_sizes(height: int, width: int) -> list[tuple[int, int]]:
+    """Return rows and columns of an image and its overviews; the last fits into a tile."""
+    sizes = [(height, width)]
+    while max(sizes[-1]) > TILE:
+        rows, cols = sizes[-1]
+        sizes.append((-(-rows // 2), -(-cols // 2)))
+    return sizes
+
+
+def _halved(stripes: Iterable[Raster], smaller: list[Raster]) -> Iterator[Raster]:
+    """Yield stripes; fill the first overview, if there is any, with them."""
+    row = 0
+    for stripe in stripes:
+        for overview in smaller:
+            halve_into(overview[row : row + TILE // 2], stripe)
+        yield stripe
+        row += TILE // 2
+
+
+def _stripes(image: Raster) -> Iterator[Raster]:
+    return (image[row : row + TILE] for row in range(0, len(image), TILE))
+
+
+def _tiles(stripes: Iterable[Raster]) -> Iterator[Raster]:
+    """Yield tiles row by row; those at the border are smaller, and the writer fills them up."""
+    for rows in stripes:
+        for col in range(0, rows.shape[1], TILE):
+            tile = rows[:, col : col + TILE].copy()
+            yield tile[..., 0] if tile.shape[2] == 1 else tile
 
 
 def read_about(path: Path) -> dict[str, Any]:
@@ -215,258 +208,21 @@ def write_preview(path: Path, image_path: Path) -> None:
     path : Path
     image_path : Path
         An image that `write` wrote; it is not changed. Only the preview is stretched between the
-        percentiles 0.5 and 99.5, with a gamma for 16 bit.
+        percentiles 0.5 and 99.5, the same for all bands, with a gamma for 16 bit, which are
+        proportional to light. No-data stays black.
     """
     with tifffile.TiffFile(image_path) as tiff:
         large = [page for page in tiff.pages if max(page.shape[:2]) >= PREVIEW_PX]
         image = (large[-1] if large else tiff.pages.first).asarray()
         is_colour = tiff.pages.first.photometric == tifffile.PHOTOMETRIC.RGB
-    image = image.reshape(*image.shape[:2], -1)
-    colours = image[..., :3] if is_colour else image[..., :1]
-    shown = _stretched(_fitted(colours))
-    good, jpeg = cv2.imencode(".jpg", shown[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 90])
-    if not good:
-        raise ValueError(f"{path}: the preview could not be encoded")
-    whole_files.write(path, jpeg.tobytes())
-
-
-def _fitted(image: Raster) -> Raster:
-    """Return an image whose longer side is at most that of a preview."""
-    factor = PREVIEW_PX / max(image.shape[:2])
-    if factor >= 1:
-        return image
+    image = image.reshape(*image.shape[:2], -1)[..., : 3 if is_colour else 1]
+    factor = min(PREVIEW_PX / max(image.shape[:2]), 1)
     rows, cols = (max(round(n * factor), 1) for n in image.shape[:2])
-    small = cv2.resize(image, (cols, rows), interpolation=cv2.INTER_AREA)
-    return np.asarray(small, dtype=image.dtype).reshape(rows, cols, -1)
-
-
-def _stretched(image: Raster) -> NDArray[np.uint8]:
-    """Return the image in 8 bit, with the same stretch for all bands; no-data stays black.
-
-    Numbers of 16 bit are proportional to light, those of a screen are not.
-    """
+    image = cv2.resize(image, (cols, rows), interpolation=cv2.INTER_AREA).reshape(rows, cols, -1)
     values = image[image > 0]
     low, high = np.percentile(values, [0.5, 99.5]) if len(values) else (0.0, 1.0)
     scaled = np.clip((image - np.float32(low)) / np.float32(max(high - low, 1.0)), 0, 1)
     shown = scaled ** np.float32(1 / GAMMA if image.dtype == np.uint16 else 1)
-    return np.where(image > 0, np.rint(255 * shown), 0).astype(np.uint8)
-
-
-def _to_disk(path: Path) -> None:
-    """Wait until a file is on the disk and not only in memory."""
-    with path.open("rb") as file:
-        os.fsync(file.fileno())
-
-
-def _sizes(form: Format) -> list[tuple[int, int]]:
-    return level_sizes(form.height, form.width, TILE)
-
-
-def _overviews(folder: Path, form: Format) -> _Pyramid:
-    return _Pyramid(folder, _sizes(form), bands=form.bands, dtype=np.dtype(form.dtype))
-
-
-def _checked(stripes: Iterable[Raster], form: Format) -> Iterator[Raster]:
-    """Yield the stripes; raise where they do not match the format."""
-    rows = 0
-    for stripe in stripes:
-        rows += len(stripe)
-        fits = stripe.shape[1:] == (form.width, form.bands) and stripe.dtype == form.dtype
-        if not fits or rows > form.height:
-            msg = f"a stripe {stripe.shape} of {stripe.dtype} that ends at row {rows}, not {form}"
-            raise ValueError(msg)
-        yield stripe
-    if rows < form.height:
-        raise ValueError(f"{rows} rows of an image of {form.height}")
-
-
-def _passed_on(stripes: Iterable[Raster], pyramid: _Pyramid) -> Iterator[Raster]:
-    for stripe in stripes:
-        pyramid.add(stripe)
-        yield stripe
-
-
-def _tiles(stripes: Iterable[Raster], width: int) -> Iterator[Raster]:
-    """Yield tiles row by row; those at the border are smaller, and the writer fills them up."""
-    for rows in _regrouped(stripes):
-        for col in range(0, width, TILE):
-            tile = rows[:, col : col + TILE].copy()
-            yield tile[..., 0] if tile.shape[2] == 1 else tile
-
-
-def _regrouped(
-    stripes: Iterable[Raster],
-) -> Iterator[Raster]:
-    """Yield stripes of the height of a tile; the last one may be lower."""
-    kept: list[Raster] = []
-    for stripe in stripes:
-        kept.append(stripe)
-        while (n := sum(map(len, kept))) >= TILE:
-            rows = kept[0] if len(kept) == 1 else np.concatenate(kept)
-            yield rows[:TILE]
-            kept = [rows[TILE:]] if n > TILE else []
-    if kept:
-        yield np.concatenate(kept)
-
-
-def _write_level(
-    tiff: tifffile.TiffWriter,
-    tiles: Iterator[Raster],
-    form: Format,
-    size: tuple[int, int],
-    description: str | None,
-    threads: int,
-) -> None:
-    """Write the image or one of its overviews."""
-    colour = form.bands >= 3 and not form.stack
-    extra = form.bands - (3 if colour else 1)
-    scale = max(form.height, form.width) / max(size)
-    per_cm = 10 / form.pixel_mm / scale
-    tiff.write(
-        tiles,
-        shape=(*size, form.bands) if form.bands > 1 else size,
-        dtype=form.dtype,
-        tile=(TILE, TILE),
-        photometric="rgb" if colour else "minisblack",
-        planarconfig="contig" if form.bands > 1 else None,
-        extrasamples=[_UNSPECIFIED] * extra or None,
-        compression=_CODEC.get(form.compression),
-        compressionargs={"level": _LEVEL[form.compression]} if form.compression in _LEVEL else None,
-        predictor=form.compression in _CODEC,
-        maxworkers=threads,
-        buffersize=_AT_A_TIME,
-        subfiletype=0 if description is not None else 1,
-        description=description,
-        metadata=None,
-        software="acx4lib" if description is not None else False,
-        resolution=(per_cm, per_cm),
-        resolutionunit="CENTIMETER",
-        extratags=[_GDAL_NODATA],
-    )
-
-
-# --- Overviews of an image that comes in stripes: each has half the size of the one before
-
-
-def level_sizes(height: int, width: int, smallest: int) -> list[tuple[int, int]]:
-    """Return rows and columns of an image and its overviews; the last fits into `smallest`."""
-    sizes = [(height, width)]
-    while max(sizes[-1]) > smallest:
-        rows, cols = sizes[-1]
-        sizes.append((-(-rows // 2), -(-cols // 2)))
-    return sizes
-
-
-def halved(image: Raster) -> Raster:
-    """Return means of 2 x 2 pixels, rounded half up, without no-data pixels (zero).
-
-    Parameters
-    ----------
-    image : ndarray, shape (rows, cols, bands)
-        A last odd row or column counts twice.
-
-    Returns
-    -------
-    ndarray, shape (ceil(rows / 2), ceil(cols / 2), bands)
-    """
-    rows, cols, bands = image.shape
-    if rows % 2 or cols % 2:
-        image = np.pad(image, ((0, rows % 2), (0, cols % 2), (0, 0)), mode="edge")
-    half = image.shape[1] // 2, image.shape[0] // 2
-    # with two bands at once, OpenCV rounds half to even, and with more than four, too
-    parts = [image] if bands in (1, 3, 4) else np.split(image, bands, axis=2)
-    means = [cv2.resize(part, half, interpolation=cv2.INTER_AREA) for part in parts]
-    means = [mean.reshape(half[1], half[0], -1) for mean in means]
-    joined = means[0] if len(means) == 1 else np.concatenate(means, axis=2)
-    small: Raster = joined.astype(image.dtype, copy=False)
-    if image.min() == 0:
-        _mend(small, image)
-    return small
-
-
-def _mend(small: Raster, image: Raster) -> None:
-    """Replace, in place, means of 2 x 2 pixels with some zeros by the means of the others."""
-    four = [image[i::2, j::2] for i in (0, 1) for j in (0, 1)]
-    empty = four[0] == 0
-    for part in four[1:]:
-        empty |= part == 0
-    values = np.stack([part[empty] for part in four]).astype(np.uint32)
-    count = np.maximum(np.count_nonzero(values, axis=0), 1)
-    small[empty] = ((values.sum(axis=0) + count // 2) // count).astype(image.dtype)
-
-
-class _Pyramid:
-    """The overviews of one image, kept in a file without a name until they are used.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder with room for a third of the image.
-    sizes : list of tuple of int
-        From `level_sizes`.
-    bands : int
-    dtype : dtype
-    """
-
-    def __init__(
-        self, folder: Path, sizes: list[tuple[int, int]], *, bands: int, dtype: np.dtype
-    ) -> None:
-        self._sizes, self._bands, self._dtype = sizes, bands, dtype
-        self._rest: list[Raster | None] = [None for _ in sizes]
-        self._done = [0 for _ in sizes]
-        per_level = [rows * self._row_bytes(level) for level, (rows, _) in enumerate(sizes)]
-        self._start = [sum(per_level[1:level]) for level in range(len(sizes))]
-        self._file: IO[bytes] = TemporaryFile(dir=folder)  # noqa: SIM115 closed with this
-
-    def __enter__(self) -> Self:
-        """Return the pyramid; its file is removed when it closes or the process ends."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        at: TracebackType | None,
-    ) -> None:
-        """Close the file, and so remove it."""
-        self._file.close()
-
-    def _row_bytes(self, level: int) -> int:
-        return self._sizes[level][1] * self._bands * self._dtype.itemsize
-
-    def add(self, stripe: Raster) -> None:
-        """Add the next rows of the image, any number of them."""
-        self._add(stripe, 0)
-
-    def _add(self, stripe: Raster, level: int) -> None:
-        """Add rows to a level, and their halved rows to the next level."""
-        if level:
-            offset = self._start[level] + self._done[level] * self._row_bytes(level)
-            self._file.seek(offset)
-            self._file.write(np.ascontiguousarray(stripe).data)
-        self._done[level] += len(stripe)
-        if level + 1 == len(self._sizes):
-            return
-        leftover = self._rest[level]
-        rows = stripe if leftover is None else np.concatenate([leftover, stripe])
-        ended = self._done[level] == self._sizes[level][0]
-        paired = len(rows) if ended else len(rows) - len(rows) % 2
-        self._rest[level] = rows[paired:].copy() if paired < len(rows) else None
-        if paired:
-            self._add(halved(rows[:paired]), level + 1)
-
-    def stripes(self, level: int, height: int) -> Iterator[Raster]:
-        """Yield an overview, `height` rows at a time; the last stripe may have fewer.
-
-        Parameters
-        ----------
-        level : int
-            Number of the overview; 1 is the largest.
-        height : int
-        """
-        rows, cols = self._sizes[level]
-        for row in range(0, rows, height):
-            n = min(height, rows - row)
-            self._file.seek(self._start[level] + row * self._row_bytes(level))
-            content = self._file.read(n * self._row_bytes(level))
-            yield np.frombuffer(content, dtype=self._dtype).reshape(n, cols, self._bands)
+    shown = np.where(image > 0, np.rint(255 * shown), 0).astype(np.uint8)
+    _, jpeg = cv2.imencode(".jpg", shown[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 90])
+    whole_files.write(path, jpeg.tobytes())

@@ -11,7 +11,7 @@ import numpy as np
 from acx4files.measuring.pairs import Found
 from acx4files.measuring.views import Surface, View, seen_at, through
 from acx4lib import expected
-from acx4lib.block import NO_POINTS, Block, Distances, ImagePoints, Trajectory
+from acx4lib.block import NO_POINTS, Block, ImagePoints, Trajectory
 from acx4lib.bundle.adjust import Bundle, mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.network import Network
@@ -335,7 +335,6 @@ def _with_rays(block: Block, views: Sequence[View], rays: TieRays) -> Block:
         image_points=ImagePoints(image_idx=rays.view, point_idx=idx, colrow=full, sigma_px=sigma),
         control=NO_POINTS,
         check=NO_POINTS,
-        distances=Distances(),
         smallest_angle=SMALLEST_ANGLE,
     )
 

@@ -10,8 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from acx4files.images import image_files
-from acx4files.images.image_files import image_from_file
+from acx4files.images.image_files import image_from_file, is_whole
 from acx4lib import expected
 from acx4lib.block import Block
 from acx4lib.errors import FlightError
@@ -154,30 +153,22 @@ def pixels_of_view(view: View) -> np.ndarray:
     return pixels(view.path, size, view.shrink)
 
 
-def _require_size(path: Path, camera: Camera) -> None:
-    """Raise FlightError for a JPEG or PNG that is damaged or of a wrong size."""
+def _decoded(path: Path, camera: Camera) -> Raster:
+    """Return the grey values of a JPEG or PNG of a camera's size or 1/K of it, (rows, cols)."""
     if not path.is_file():
         raise FlightError([f"{path}: there is no such file"])
-    with path.open("rb") as file:
-        data = file.read()
-    size = image_files.size_of(data)
-    if size is None:
-        raise FlightError([f"{path}: is damaged, its header has no size; copy it again"])
-    if not image_files.is_whole(data):
+    data = path.read_bytes()
+    if not is_whole(data):
         raise FlightError([f"{path}: is cut off, its pixels have no end; copy it again"])
-    cols, rows = size
-    k = max(camera.width_px // max(cols, 1), 1)
+    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    if image is None:
+        raise FlightError([f"{path}: is damaged, its pixels cannot be decoded; copy it again"])
+    rows, cols = image.shape
+    k = max(camera.width_px // cols, 1)
     if (cols, rows) != (camera.width_px // k, camera.height_px // k):
         says = f"has {cols} x {rows} px; {camera.name} has {camera.width_px} x {camera.height_px}"
         raise FlightError([f"{path}: {says}, and its pictures that or 1/K of it, K a whole number"])
-
-
-def _decoded(path: Path, camera: Camera) -> Raster:
-    """Return the grey values of a JPEG or PNG, (rows, cols)."""
-    _require_size(path, camera)
-    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
-    if image is None:
-        raise FlightError([f"{path}: is damaged, its pixels cannot be decoded; copy it again"])
     return np.asarray(image)
 
 

@@ -235,9 +235,6 @@ def _observed_at(network: Network, kind: str) -> tuple[Named, Named]:
     if kind == "control_point":
         point_idx = network.control.point_idx[~network.held_control]
         return _alike(len(point_idx)), (block.points, point_idx)
-    if kind == "distance":
-        a, b = network.distances.point_idx.T
-        return (block.points, b), (block.points, a)
     if kind in ("lever_arm", "boresight"):
         known = observed_mountings(block.cameras, kind, network.layout.mount)
         return ([camera.name for camera in block.cameras], known), _alike(len(known))
@@ -270,13 +267,6 @@ def rejected_table(
         elif r.kind == "control_point":
             point = block.points[block.control.point_idx[r.row]]
             quantity = (*COMPONENTS["control_point"], "position")[r.component]  # -1: position
-        elif r.kind == "distance":
-            ends = block.distances.point_idx[r.row]
-            point, image_or_exposure, quantity = (
-                block.points[ends[0]],
-                block.points[ends[1]],
-                "distance",
-            )
         else:
             image_or_exposure = pose_names[r.row]
             quantity = "position" if r.kind == "gnss" else "attitude"

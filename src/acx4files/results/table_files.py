@@ -37,7 +37,6 @@ COMPONENTS = {
     "gnss": ("east_m", "north_m", "height_m"),
     "attitude": ("roll_deg", "pitch_deg", "heading_deg"),
     "lever_arm": ("lever_x_m", "lever_y_m", "lever_z_m"),
-    "distance": ("distance_m",),
     "boresight": ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg"),
     "interior": ("f_mm", "xp_mm", "yp_mm"),
 }

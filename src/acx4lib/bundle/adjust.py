@@ -18,16 +18,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acx4lib import expected, shown
-from acx4lib.block import Block, Distances
+from acx4lib.block import Block
 from acx4lib.bundle.network import Network, camera_poses
 from acx4lib.bundle.observations import (
     PoseObservations,
     Strips,
     motion_of,
     observed_poses,
-    of_halves,
     strips_of,
-    usable,
 )
 from acx4lib.bundle.rejections import Exchange, Rejection, Stopped
 from acx4lib.bundle.start import (
@@ -52,7 +50,6 @@ from acx4lib.least_squares import adjustment, processors
 from acx4lib.least_squares.adjustment import Solution
 from acx4lib.least_squares.covariance import propagate
 from acx4lib.least_squares.reduced_system import held_at_zero
-from acx4lib.least_squares.statistics import Group
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -363,7 +360,6 @@ def _chosen(network: Network, state: State) -> Network:
     rows = rows[np.argsort(point_idx[rows], kind="stable")]
     x_m[control.point_idx] = control.x_m
     control = control[np.isin(control.point_idx, point_idx[rows])]
-    distances = block.distances[usable(block.distances, point_idx[rows])]
     flat = f"whose rays meet at less than {np.degrees(block.smallest_angle):g} degrees"
     reasons = (("measured once", once), (flat, too_flat))
     return replace(
@@ -371,17 +367,9 @@ def _chosen(network: Network, state: State) -> Network:
         image_points=block.image_points[rows],
         rows=rows,
         control=control,
-        distances=distances,
-        layout=_joining(network.layout, len(distances)),
         start=replace(state, x_m=x_m),
         left_out={why: int(unused.sum()) for why, unused in reasons if unused.any()},
     )
-
-
-def _joining(columns: Layout, n_distances: int) -> Layout:
-    """Return a layout that joins so many distances."""
-    without = replace(columns, joint=columns.joint[:0])
-    return replace(without, joint=without.n_columns + np.arange(n_distances))
 
 
 # --- adjusted ---------------------------------------------------------------------------------
@@ -519,7 +507,7 @@ def _adjusted(network: Network, start: State) -> Bundle:
     if solution.sigma0_sq > HIGH and far_off(network, state, limit=ASTRAY).any():
         where = suspects(network, start) or suspects(network, state)
         raise AdjustmentError(f"the adjustment went astray{where}")
-    return _of(network, state, solution)
+    return Bundle(network=network, state=state, solution=solution)
 
 
 def designed(network: Network) -> Bundle:
@@ -535,27 +523,5 @@ def designed(network: Network) -> Bundle:
     AdjustmentError
         Where observations are fewer than unknowns.
     """
-    return _of(network, network.start, adjustment.designed(network, network.start))
-
-
-def _of(network: Network, state: State, solution: Solution) -> Bundle:
-    n = len(network.distances)  # adjusted as two halves and an unknown that joins them
-    whole_ones = replace(
-        solution,
-        n_observations=solution.n_observations - n,
-        n_unknowns=solution.n_unknowns - n,
-        groups=tuple(_whole(group, network.distances) for group in solution.groups),
-    )
-    return Bundle(network=network, state=state, solution=whole_ones)
-
-
-def _whole(group: Group, distances: Distances) -> Group:
-    """Return a group of residuals, the halves of its distances joined."""
-    if group.kind != "distance":
-        return group
-    return Group(
-        kind=group.kind,
-        v=of_halves(group.v),
-        sigma=distances.sigma_m[:, None],
-        redundancy=of_halves(group.redundancy),
-    )
+    solution = adjustment.designed(network, network.start)
+    return Bundle(network=network, state=network.start, solution=solution)

@@ -1,7 +1,7 @@
 """Free networks: adjusted without any datum, then given that of inner constraints on points.
 
 Image points alone leave seven motions of the whole block open: three shifts, three turns, a
-scale. Distances, held poses, a few control coordinates or positions leave fewer of them. A minimal
+scale. Held poses, a few control coordinates or positions leave fewer of them. A minimal
 number of held unknowns makes the solution unique; an S-transformation turns this into the
 solution in which chosen points keep their place on average. The residuals stay.
 """
@@ -20,7 +20,6 @@ from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations import distance_equations, of_halves
 from acx4lib.bundle.rejections import without
 from acx4lib.bundle.unknowns import State, holding
 from acx4lib.errors import AdjustmentError
@@ -260,9 +259,6 @@ def _noticed(network: Network, move: _Similarity) -> Iterator[Array]:
         felt = e.A @ by_column[e.columns[e.unit]]
         if e.B is not None and e.point is not None:
             felt = felt + e.B @ G_points[e.point]
-        if e.kind == "distance":
-            yield of_halves(felt)[:, 0]
-            continue
         felt = felt[np.isfinite(e.sigma)]
         yield felt[np.linalg.norm(felt, axis=1) > FELT**2]
 
@@ -271,10 +267,6 @@ def _motions(network: Network, state: State, move: _Similarity) -> Motions:
     """Return the derivatives of all unknowns by the motions that are open."""
     columns, poses = np.zeros((network.n_columns, 7)), network.layout.pose
     columns[poses[poses >= 0]] = move.of_poses(state.T_m_b)[poses >= 0]
-    halves = distance_equations(network.distances, state.x_m, network.layout.joint)
-    first = slice(0, len(network.distances))
-    ends = move.of_points(state.x_m[network.distances.point_idx[:, 0]])
-    columns[network.layout.joint] = (np.asarray(halves.B)[first] @ ends)[:, 0]
     points = move.of_points(np.where(network.free_points[:, None], state.x_m, move.middle))
     points[~network.free_points] = 0.0
     return Motions(columns=columns @ move.open, points=points @ move.open)
@@ -287,7 +279,6 @@ def _held_columns(network: Network, move: _Similarity) -> Index:
     turns[:, 3:] = True
     by_open = _motions(network, network.start, move).columns
     by_open[poses[turns & (poses >= 0)]] *= move.size
-    by_open[network.layout.joint] = 0.0
     _, _, order = linalg.qr(by_open.T, mode="economic", pivoting=True)
     return np.sort(order[: move.open.shape[1]])
 

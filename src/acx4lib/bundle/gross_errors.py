@@ -19,7 +19,6 @@ from acx4lib import expected
 from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle, adjust, robust_start
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations import usable
 from acx4lib.bundle.rejections import (
     CRITICAL,
     KINDS,
@@ -348,8 +347,6 @@ def _observations(network: Network) -> _Observations:
     points, poses = network.image_points, np.arange(len(network.pose_names))
     none = np.full(len(network.rows), -1)
     unmeasured = np.full(len(poses), -1)
-    distances = usable(network.block.distances, points.point_idx)
-    of_none = np.full(len(distances), -1)
     parts = [
         (network.rows, none, points.point_idx, network.pose_idx[points.image_idx]),
         (
@@ -360,7 +357,6 @@ def _observations(network: Network) -> _Observations:
         ),
         (network.exposure_idx, unmeasured, unmeasured, poses),
         (network.exposure_idx, unmeasured, unmeasured, poses),
-        (distances, of_none, of_none, of_none),
     ]
     row, component, point, pose = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     kind = np.repeat(np.arange(len(KINDS)), [len(part[0]) for part in parts])
@@ -371,7 +367,7 @@ def _by_group(network: Network, values: NDArray[T]) -> list[NDArray[T]]:
     """Return values of the observations as columns, to be broadcast to the network's groups."""
     n, k = len(network.rows), int(np.sum(~network.held_control))
     n_poses = len(network.pose_names)
-    image, control, *poses = np.split(values, np.cumsum([n, 3 * k, n_poses, n_poses]))
+    image, control, *poses = np.split(values, np.cumsum([n, 3 * k, n_poses]))
     return [image[:, None], control.reshape(-1, 3), *(part[:, None] for part in poses)]
 
 

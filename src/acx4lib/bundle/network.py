@@ -6,22 +6,19 @@ uses differ only in which of the two is free, held or observed; `adjust` sets th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from acx4lib import shown
-from acx4lib.block import Block, Distances, ImagePoints, SurveyedPoints
+from acx4lib.block import Block, ImagePoints, SurveyedPoints
 from acx4lib.bundle.observations import (
     PoseObservations,
     attitude_equations,
     control_equations,
-    distance_equations,
     interior_equations,
     mounting_equations,
-    of_halves,
     picture_equations,
     position_equations,
 )
@@ -35,12 +32,11 @@ from acx4lib.geometry.collinearity import (
     mounted_jacobian,
 )
 from acx4lib.geometry.frames import Pose
-from acx4lib.least_squares.adjustment import of_points
 from acx4lib.least_squares.normal_equations import Equations, Normals, PlainNormals
 
 try:
     from acx4lib.bundle.compiled.chain_rule import Hanging
-    from acx4lib.bundle.compiled.normals import Joined, NetworkNormals, by_points
+    from acx4lib.bundle.compiled.normals import NetworkNormals, by_points
     from acx4lib.bundle.compiled.packing import Packed, measured, pack, weights
     from acx4lib.bundle.compiled.rays import Scene
 
@@ -68,8 +64,6 @@ class Network:
     control : SurveyedPoints
         The control points used; an infinite sigma excludes a component.
     observed : PoseObservations
-    distances : Distances
-        Those used; both ends are measured, or error-free.
     start : State
     refraction : str
         ``"none"`` or ``"standard"``.
@@ -88,7 +82,6 @@ class Network:
     control: SurveyedPoints
     observed: PoseObservations
     start: State
-    distances: Distances = field(default_factory=Distances)
     refraction: str = "none"
     distortion_at: str = "adjusted"
     left_out: dict[str, int] = field(default_factory=dict)
@@ -144,18 +137,15 @@ class Network:
     @property
     def observed_points(self) -> Index:
         """Points that are observed besides their rays, sorted."""
-        control = self.control.point_idx[~self.held_control]
-        return np.union1d(control, self.distances.point_idx.ravel())
+        return np.unique(self.control.point_idx[~self.held_control])
 
     def column_names(self) -> list[str]:
         """Return a name for every column, such as ``camera/parameter`` or ``pose/parameter``."""
-        points, ends = self.block.points, self.distances.point_idx
         return named(
             self.layout,
             cameras=[camera.name for camera in self.block.cameras],
             strips=[f"strip {name}" for name in self.observed.strips.names],
             poses=self.pose_names,
-            distances=[f"{points[a]}-{points[b]}" for a, b in ends],
         )
 
     def moved(self, state: State, dx: Array, dp: Array) -> State:
@@ -163,17 +153,12 @@ class Network:
         return moved(self.layout, state, dx, dp)
 
     def residuals(self, state: State) -> list[tuple[Array, Array]]:
-        """Return v and sigma of image points and `_other_equations`, distances not in halves."""
-        others = [
-            (of_halves(e.v), self.distances.sigma_m[:, None])
-            if e.kind == "distance"
-            else (e.v, e.sigma)
-            for e in _other_equations(self, state)
-        ]
+        """Return v and sigma of image points and `_other_equations`."""
+        others = [(e.v, e.sigma) for e in _other_equations(self, state)]
         return [(image_residuals(*_seen(self, state)), _image_sigma(self)), *others]
 
     def equations(self, state: State) -> list[Equations]:
-        """Linearise image points, control points, positions, attitudes, distances, mountings."""
+        """Linearise image points, control points, positions, attitudes, mountings."""
         return [_image_equations(self, state), *_other_equations(self, state)]
 
     def normals(self, state: State, damping: float = 0.0, before: Normals | None = None) -> Normals:
@@ -219,7 +204,6 @@ class Network:
         image_points: ImagePoints,
         control: SurveyedPoints,
         observed: PoseObservations,
-        distances: Distances,
     ) -> Network:
         """Return the network with other standard deviations of its observations."""
         out = replace(
@@ -227,7 +211,6 @@ class Network:
             image_points=image_points,
             control=control,
             observed=observed,
-            distances=distances,
         )
         if COMPILED and not observed.linked.size:  # the order in which rays are processed stays
             vars(out)["packed"] = self.packed.weighted(weights(self.block, image_points))
@@ -240,7 +223,6 @@ def _other_equations(network: Network, state: State) -> list[Equations]:
         control_equations(network.control[~network.held_control], state.x_m),
         position_equations(observed, state, columns),
         attitude_equations(observed, state, columns),
-        distance_equations(network.distances, state.x_m, columns.joint),
         *picture_equations(observed.pictures, state, columns),
         *mounting_equations(network.block.cameras, state.T_b_c, columns.mount),
         *interior_equations(network.block.cameras, state.interiors, columns.interior),
@@ -356,29 +338,5 @@ def _compiled_normals(
         sigma_px=network.image_points.sigma_px,
         n_points=network.n_points,
         others=others,
-        joined=_joined(network, state, others, damping),
         room=before.give_up_band() if isinstance(before, NetworkNormals) else None,
-    )
-
-
-def _joined(
-    network: Network, state: State, others: Sequence[Equations], damping: float
-) -> Joined | None:
-    """Return the free points at the ends of distances, with all their observations."""
-    ends = np.unique(network.distances.point_idx)
-    points = ends[network.free_points[ends]]
-    if len(points) == 0:
-        return None
-    rows = np.flatnonzero(np.isin(network.image_points.point_idx, points))
-    restricted = replace(network, image_points=network.image_points[rows], rows=network.rows[rows])
-    equations = (_image_equations(restricted, state), *(e for e in others if e.B is not None))
-    parts = [of_points(e, points) for e in equations]
-    return Joined(
-        points=points,
-        rows=rows,
-        halves=parts[-1][1],
-        n_halves=2 * len(network.distances),
-        equations=[part for part, _ in parts],
-        joints=network.layout.joint,
-        damping=damping,
     )

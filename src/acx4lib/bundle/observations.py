@@ -1,7 +1,7 @@
 """Observations of a bundle besides image points.
 
 Poses by GNSS and INS with the strips along which they drift, declared mountings and interior
-orientations, surveyed points and distances. `least_squares.statistics` has the weights of slowly
+orientations and surveyed points. `least_squares.statistics` has the weights of slowly
 changing errors.
 """
 
@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from acx4lib import expected, shown
-from acx4lib.block import Block, Distances, SurveyedPoints, Trajectory, lengths
+from acx4lib.block import Block, SurveyedPoints, Trajectory
 from acx4lib.bundle.unknowns import Layout, State
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index
@@ -678,7 +678,7 @@ def observed_interiors(cameras: Sequence[Camera], columns: Index) -> Index:
     return np.flatnonzero((np.isfinite(sigma) & (columns[:, :3] >= 0)).any(axis=1))
 
 
-# --- Observations of points besides their rays: surveyed coordinates, and distances between them
+# --- Observations of points besides their rays: surveyed coordinates
 
 
 def control_equations(control: SurveyedPoints, x_m: Array) -> Equations:
@@ -702,53 +702,3 @@ def control_equations(control: SurveyedPoints, x_m: Array) -> Equations:
         B=control.R_g_m,
         point=control.point_idx,
     )
-
-
-def distance_equations(distances: Distances, x_m: Array, joints: Index) -> Equations:
-    """Linearise measured distances in halves: first at all first ends, then at the second.
-
-    An observation has one point at most. A distance d between a and b is two halves, each with
-    half of its residual, sigma over the root of two, and one point. An unknown t is added to the
-    first half and subtracted from the second: minimising over t gives exactly the equation of the
-    distance. The unknown has no state.
-
-    Parameters
-    ----------
-    distances : Distances
-    x_m : ndarray, shape (n_points, 3)
-        All points of the block.
-    joints : ndarray, shape (n,)
-        Columns of the unknowns that join the halves.
-    """
-    n = len(distances)
-    length, along = lengths(x_m, distances.point_idx)
-    sign = np.repeat([-1.0, 1.0], n)
-    return Equations(
-        kind="distance",
-        v=np.tile((length - distances.distance_m) / 2, 2)[:, None],
-        sigma=np.tile(distances.sigma_m / np.sqrt(2), 2)[:, None],
-        A=sign[:, None, None],
-        columns=joints[:, None],
-        unit=np.tile(np.arange(n), 2),
-        B=(sign[:, None] * np.tile(along, (2, 1)))[:, None, :],
-        point=distances.point_idx.T.ravel(),
-    )
-
-
-def usable(distances: Distances, measured: Index) -> Index:
-    """Return the distances that are used: of finite sigma, with both ends among measured points.
-
-    Parameters
-    ----------
-    distances : Distances
-    measured : ndarray
-        Points with rays.
-    """
-    both_measured = np.isin(distances.point_idx, measured).all(axis=1)
-    return np.flatnonzero(both_measured & np.isfinite(distances.sigma_m))
-
-
-def of_halves(values: Array) -> Array:
-    """Return the sum of the two halves of every distance, over the first axis."""
-    n = len(values) // 2
-    return values[:n] + values[n:]

@@ -9,7 +9,6 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.block import Block
-from acx4lib.bundle.observations import usable
 from acx4lib.expected import Index
 from acx4lib.least_squares import statistics
 
@@ -22,7 +21,7 @@ CRITICAL = 3.9
 POWER = 0.8
 """Probability with which an error of the detectable size is found."""
 
-KINDS = ("image_point", "control_point", "gnss", "attitude", "distance")
+KINDS = ("image_point", "control_point", "gnss", "attitude")
 """Kinds of observations that may be rejected, in the order of a network's groups."""
 
 
@@ -35,7 +34,7 @@ class Rejection:
     kind : str
         One of `KINDS`.
     row : int
-        Index into the block's image points, control points, exposures or distances.
+        Index into the block's image points, control points or exposures.
     component : int
         Component of a control point; -1 for the whole observation.
     statistic : float
@@ -124,8 +123,6 @@ def without(block: Block, rejected: Sequence[Rejection]) -> Block:
     sigma_px[rows["image_point"]] = np.inf
     for row, component in zip(rows["control_point"], components, strict=True):
         sigma_m[row, component] = np.inf
-    sigma_of_distances = block.distances.sigma_m.copy()
-    sigma_of_distances[rows["distance"]] = np.inf
     position[rows["gnss"]] = np.inf
     attitude[rows["attitude"]] = np.inf
     return replace(
@@ -133,14 +130,13 @@ def without(block: Block, rejected: Sequence[Rejection]) -> Block:
         image_points=replace(points, sigma_px=sigma_px),
         control=replace(control, sigma_m=sigma_m),
         trajectory=replace(trajectory, sigma_position=position, sigma_attitude=attitude),
-        distances=replace(block.distances, sigma_m=sigma_of_distances),
     )
 
 
 def _numbers_of_rows(block: Block) -> tuple[int, ...]:
     """Return a block's number of observations of each of the `KINDS`."""
     n = len(block.trajectory)
-    return len(block.image_points), len(block.control), n, n, len(block.distances)
+    return len(block.image_points), len(block.control), n, n
 
 
 def noncentrality(*, critical: float = CRITICAL, power: float = POWER) -> float:
@@ -172,7 +168,7 @@ def noncentrality(*, critical: float = CRITICAL, power: float = POWER) -> float:
 
 
 ROWS = (10, 3)
-"""Attitudes (by component), positions, control points, distances: more than 1 in 10, at least 3."""
+"""Attitudes (by component), positions, control points: more than 1 in 10, at least 3."""
 
 OF_IMAGE, OF_CAMERA = (3, 10), (5, 10)
 """Rays of one image: more than one in three; of one camera: more than one in five; at least 10."""
@@ -181,14 +177,12 @@ NAMES = {
     "attitude": "attitudes",
     "gnss": "GNSS positions",
     "control_point": "control points",
-    "distance": "distances",
 }
 
 COMPONENTS = {
     "attitude": ("roll", "pitch", "heading"),
     "gnss": ("east", "north", "height"),
     "control_point": ("east", "north", "height"),
-    "distance": (),
 }
 
 
@@ -303,7 +297,7 @@ def _is_of(block: Block, rejection: Rejection, group: Stopped, rayless: Set[int]
 
 
 def _of_rows(block: Block, rejected: Sequence[Rejection], kind: str) -> Stopped | None:
-    """Return the trajectory rows, control points or distances, if too many would be rejected."""
+    """Return the trajectory rows or control points, if too many would be rejected."""
     rejected_rows = {(r.row, r.largest) for r in rejected if r.kind == kind}
     n_rows, n = len({row for row, _ in rejected_rows}), _number(block, kind)
     by_component = [
@@ -323,8 +317,6 @@ def _number(block: Block, kind: str) -> int:
     if kind == "control_point":
         known = np.isfinite(block.control.sigma_m).any(axis=1)
         return int(np.sum(known & (block.rays[block.control.point_idx] > 0)))
-    if kind == "distance":
-        return len(usable(block.distances, block.image_points.point_idx))
     trajectory = block.trajectory
     sigma = trajectory.sigma_position if kind == "gnss" else trajectory.sigma_attitude
     used = np.unique(block.images.exposure_idx)

@@ -13,7 +13,6 @@ import numpy as np
 
 from acx4lib import expected, shown
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.bundle.observations import of_halves
 from acx4lib.bundle.rejections import CRITICAL, POWER, noncentrality
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera, xy_from_colrow
@@ -118,17 +117,14 @@ def parameter_effects(bundle: Bundle, columns: Index) -> list[Array]:
     derivatives = gains(equations, solution.inverse.times(chosen), network.free_points)
     sigma = np.sqrt(solution.inverse.at(columns, columns))
     out: list[Array] = []
-    for e, by_part, group in zip(equations, derivatives, solution.groups, strict=True):
-        # an error of a distance is shared by its halves
-        gain = of_halves(by_part) / 2 if group.kind == "distance" else by_part
+    for e, derivative, group in zip(equations, derivatives, solution.groups, strict=True):
         bias = reliability(group).detectable
         finite = np.where(np.isfinite(bias), bias, np.where(group.used, group.sigma, 0.0))
-        gain *= finite[:, :, None]
-        gain /= sigma
+        gain = derivative * finite[:, :, None] / sigma
         row, d = np.nonzero(np.isinf(bias))
         if len(row):
             own_control: Array = np.ones(len(row))
-            if e.B is not None and e.point is not None and group.kind != "distance":
+            if e.B is not None and e.point is not None:
                 own_control = _own_control(equations, network.free_points, e, row, d)
             gain[row, d] = _hardly_controlled(gain[row, d], group.control[row, d], own_control)
         out.append(gain)

@@ -357,8 +357,7 @@ def reweighted(network: Network, factors: Sequence[Array]) -> Network:
         Declared mountings keep their sigma.
     """
     points, control, observed = network.image_points, network.control, network.observed
-    distances = network.distances
-    on_image, on_control, on_position, on_attitude, on_distance = factors[:5]
+    on_image, on_control, on_position, on_attitude = factors[:4]
     sigma_m = control.sigma_m.copy()
     sigma_m[~network.held_control] *= on_control
     return network.with_sigma(
@@ -369,7 +368,6 @@ def reweighted(network: Network, factors: Sequence[Array]) -> Network:
             sigma_position=observed.sigma_position * on_position,
             sigma_attitude=observed.sigma_attitude * on_attitude,
         ),
-        distances=replace(distances, sigma_m=distances.sigma_m * on_distance[:, 0]),
     )
 
 

@@ -45,8 +45,6 @@ class Layout:
         Columns of the delays of positions and of attitudes, -1 where held.
     deviation : ndarray, shape (2,)
         Columns of the deviation of headings, by their sine and their cosine, -1 where held.
-    joint : ndarray, shape (n_distances,)
-        Columns that join the two halves of each distance, the last ones.
     """
 
     interior: Index
@@ -56,13 +54,12 @@ class Layout:
     drift: Index = field(default_factory=lambda: np.full((0, 3), -1))
     delay: Index = field(default_factory=lambda: np.full(2, -1))
     deviation: Index = field(default_factory=lambda: np.full(2, -1))
-    joint: Index = field(default_factory=lambda: np.full(0, -1))
 
     @cached_property
     def n_columns(self) -> int:
         """Number of unknowns that are not points."""
         errors = (self.shift, self.drift, self.delay, self.deviation)
-        parts = (self.interior, self.mount, *errors, self.pose, self.joint)
+        parts = (self.interior, self.mount, *errors, self.pose)
         return int(sum(np.count_nonzero(part >= 0) for part in parts))
 
 
@@ -139,14 +136,13 @@ def named(
     cameras: Sequence[str],
     strips: Sequence[str],
     poses: Sequence[str],
-    distances: Sequence[str],
 ) -> list[str]:
     """Return a name for every column: its owner, a slash, the parameter.
 
     Parameters
     ----------
     columns : Layout
-    cameras, strips, poses, distances : sequence of str
+    cameras, strips, poses : sequence of str
         Names of the owners.
     """
     names = [""] * columns.n_columns
@@ -158,7 +154,6 @@ def named(
         (columns.delay[:, None], ["GNSS", "attitude"], ["delay"]),
         (columns.deviation[None], ["attitude"], ["deviation_sin", "deviation_cos"]),
         (columns.pose, poses, POSE),
-        (columns.joint[:, None], distances, ["joint"]),
     ):
         for row, owner in zip(part, owners, strict=True):
             for column, label in zip(row, labels, strict=True):
@@ -246,7 +241,6 @@ def holding(columns: Layout, held: Index) -> Layout:
         drift=new[columns.drift],
         delay=new[columns.delay],
         deviation=new[columns.deviation],
-        joint=new[columns.joint],
     )
 
 

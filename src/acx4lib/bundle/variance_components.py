@@ -28,7 +28,6 @@ PARTS: tuple[tuple[str, str, tuple[int, ...]], ...] = (
     ("GNSS", "gnss", (0, 1, 2)),
     ("roll, pitch", "attitude", (0, 1)),
     ("heading", "attitude", (2,)),
-    ("distances", "distance", (0,)),
 )
 """Groups besides the image points: name, kind of observation, its components.
 
@@ -42,7 +41,6 @@ TESTED: tuple[tuple[str, str, tuple[int, ...]], ...] = (
     ("GNSS, height", "gnss", (2,)),
     ("roll and pitch", "attitude", (0, 1)),
     ("heading", "attitude", (2,)),
-    ("distances", "distance", (0,)),
 )
 """Groups besides the image points whose sigma are tested: a test needs less than an estimate."""
 
@@ -491,8 +489,6 @@ def _derivatives(e: Equations, g: _Rows, points: Index, network: Network) -> spa
     values, rows, indices = map(np.concatenate, zip(*parts, strict=True))
     shape = (m * d, network.n_columns + 3 * len(points))
     J = sparse.csr_array((values, (rows, indices)), shape=shape)
-    if e.kind == "distance":
-        J = J[: m * d // 2] + J[m * d // 2 :]
     used = np.isfinite(g.group.sigma[np.ix_(g.rows, g.columns)])
     return J[(g.rows[:, None] * d + g.columns)[used]]
 

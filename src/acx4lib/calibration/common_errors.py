@@ -277,7 +277,6 @@ def _without_each(
             image_points=replace(points, sigma_px=sigma_px),
             control=network.control,
             observed=network.observed,
-            distances=network.distances,
         )
         moved.append(J @ adjustment.normals(without_group, bundle.state).step()[0][bundle_columns])
         cov.append(

@@ -119,7 +119,7 @@ def weakest_combination(bundle: Bundle) -> tuple[Part, ...]:
         _of_poses(label, v[columns[columns >= 0]])
         for label, columns in zip(POSES.values(), layout.pose.T, strict=True)
     ]
-    for column in np.setdiff1d(np.arange(len(v)), [*layout.pose.ravel(), *layout.joint]):
+    for column in np.setdiff1d(np.arange(len(v)), layout.pose.ravel()):
         parts.append(Part(unknown=_reported(names[column]), share=float(v[column] ** 2)))
     named = (part for part in parts if part.share >= SHARE)
     return tuple(sorted(named, key=lambda part: -part.share))

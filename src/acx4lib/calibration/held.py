@@ -389,7 +389,6 @@ def _extended(network: Network, *, mounted: bool) -> tuple[Layout, list[Mask]]:
         delay=_after(columns.delay, n),
         deviation=_after(columns.deviation, n),
         pose=_after(columns.pose, n),
-        joint=_after(columns.joint, n),
     )
     return extended, wanted
 

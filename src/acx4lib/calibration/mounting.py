@@ -629,8 +629,8 @@ def scaled(block: Block, factors: Mapping[str, float]) -> Block:
     by_camera = np.array([factors.get(name, 1.0) for name in image_groups(block)])
     points, trajectory = block.image_points, block.trajectory
     camera_idx = block.images.camera_idx[points.image_idx]
-    control, gnss, attitude, distance = (
-        _by_component(kind, factors) for kind in ("control_point", "gnss", "attitude", "distance")
+    control, gnss, attitude = (
+        _by_component(kind, factors) for kind in ("control_point", "gnss", "attitude")
     )
     return replace(
         block,
@@ -641,7 +641,6 @@ def scaled(block: Block, factors: Mapping[str, float]) -> Block:
             sigma_position=trajectory.sigma_position * gnss,
             sigma_attitude=trajectory.sigma_attitude * attitude,
         ),
-        distances=replace(block.distances, sigma_m=block.distances.sigma_m * distance[0]),
     )
 
 

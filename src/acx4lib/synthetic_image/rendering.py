@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import product
 from typing import Literal
 
 import numpy as np
@@ -18,12 +18,9 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.least_squares import processors
 from acx4lib.synthetic_image.compiled import (
     MOST_BANDS,
-    Heads,
-    Recipe,
-    Window,
-    method_number,
-    resample_cells,
-    room,
+    add_samples,
+    set_depths,
+    weigh,
 )
 from acx4lib.synthetic_image.head_map import HeadMap, fitting_step, head_map, levelled, window_map
 from acx4lib.synthetic_image.response import Response
@@ -34,8 +31,7 @@ FEATHER_PX = 150.0
 """Usual width of the blend of two heads, px of a head at full size."""
 
 NARROWEST_PX = 0.01  # of a blend; single precision tells 10 000 px to a thousandth
-STRIPE = 1024  # rows that are rendered at a time; more would not be faster
-CELLS = 32  # columns of cells that a thread takes at a time; with fewer, handing out costs more
+BLOCK = 128  # rows and columns that a thread renders at a time
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -275,61 +271,66 @@ def _resample(
     out: np.ndarray,
     threads: int | None,
 ) -> None:
-    """Fill `out`; several threads take columns of cells in turn."""
-    step, recipe = plan.step_px, _recipe(plan, images[0], out)
-    stripe = max(STRIPE // step, 1) * step  # so that no cell is in two stripes
-    cuts = [rows[0], *range((rows[0] // stripe + 1) * stripe, rows[1], stripe), rows[1]]
-    parts = [
-        (plan, images, recipe, out[start - rows[0] : stop - rows[0]], start, cell)
-        for start, stop in pairwise(cuts)
-        for cell in range(0, -(-plan.width_px // step), CELLS)
-    ]
+    """Fill `out`, NaN where no head sees if it has floats; threads take blocks of cells in turn."""
+    step = plan.step_px
+    above, below = rows[0] // step, -(-rows[1] // step)
+    nodes = np.stack([m.nodes[above : below + 1] for m in plan.maps])
+    factors = _factors(plan, nodes)
+    readable = [image.view() for image in images]
+    for image in readable:
+        image.flags.writeable = False  # so that code is compiled once, also for mapped files
+    size = max(BLOCK // step, 1)
+    feather = float(plan.feather_px) if plan.feather_px >= NARROWEST_PX else 0.0
+
+    def fill(block: tuple[int, int]) -> None:
+        i, j = block
+        part = np.s_[:, i : i + size + 1, j : j + size + 1]
+        blended, weights = _blended(plan, readable, nodes[part], factors[part], feather)
+        if out.dtype == np.float32:
+            blended[~weights.any(axis=0)] = np.nan
+        else:
+            clipped = np.clip(blended, 0, np.iinfo(out.dtype).max)
+            blended = (clipped + np.float32(0.5)).astype(out.dtype)
+        first = (above + i) * step - rows[0]  # of the block's rows in `out`
+        target = out[max(first, 0) : first + len(blended), j * step : (j + size) * step]
+        target[:] = blended[max(-first, 0) :][: len(target), : target.shape[1]]
+
+    blocks = product(range(0, below - above, size), range(0, -(-plan.width_px // step), size))
     with ThreadPoolExecutor(threads or processors.cores()) as pool:
-        list(pool.map(_make, *zip(*parts, strict=True)))
+        list(pool.map(fill, blocks))
 
 
-def _make(
+def _blended(
     plan: RenderPlan,
     images: Sequence[np.ndarray],
-    recipe: Recipe,
-    out: np.ndarray,
-    start: int,
-    cell: int,
-) -> None:
-    """Make some columns of cells of the rows from `start` on.
-
-    The arguments keep the images and `out`, passed by address, alive if the caller is interrupted.
-    """
-    step, stop = plan.step_px, start + len(out)
-    above = start // step
-    cells = min(CELLS, -(-plan.width_px // step) - cell)
-    nodes = slice(above, -(-stop // step) + 1), slice(cell, cell + cells + 1)
-    rows = start - above * step, stop - above * step
-    window = Window(rows, cell, cells, plan.width_px, out.ctypes.data)
-    work = room(len(images), step, recipe.bands)
-    resample_cells(_heads(plan, images, nodes), recipe, window, work)
-
-
-def _heads(plan: RenderPlan, images: Sequence[np.ndarray], part: tuple[slice, slice]) -> Heads:
-    """Return the heads with some rows and columns of their nodes."""
-    nodes = np.stack([np.swapaxes(m.nodes[part], 0, 1) for m in plan.maps])
-    return Heads(
-        nodes,
-        _factors(plan, nodes),
-        np.array([image.ctypes.data for image in images], np.int64),
-        np.array([(m.width_px, m.height_px) for m in plan.maps], np.int64),
-    )
+    nodes: Array,
+    factors: NDArray[np.float32],
+    feather: float,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return a block of whole cells, not rounded, and the weights of the heads."""
+    nodes, factors = np.ascontiguousarray(nodes), np.ascontiguousarray(factors)
+    step, (_, rows, cols, _) = plan.step_px, nodes.shape
+    shape = (rows - 1) * step, (cols - 1) * step
+    weights = np.empty((len(images), *shape), np.float32)
+    for depths, image, corners in zip(weights, images, nodes, strict=True):
+        set_depths(depths, corners, step, image.shape[1], image.shape[0])
+    weigh(weights, feather)
+    total = np.zeros((*shape, images[0].shape[2]), np.float32)
+    for k, image in enumerate(images):
+        if weights[k].any():
+            add_samples(
+                total, weights[k], image, nodes[k], factors[k], plan.interpolation == "cubic"
+            )
+    return total, weights
 
 
 def _factors(plan: RenderPlan, nodes: Array) -> NDArray[np.float32]:
-    """Return 1 / exp(g + a q + b q^2) at nodes, (n_heads, cols, rows, n_bands); empty for 1."""
+    """Return 1 / exp(g + a q + b q^2) at nodes, (n_heads, rows, cols, n_bands); no bands for 1."""
     if plan.response is None:
-        return np.zeros((len(nodes), 0, 0, 1), np.float32)
+        return np.zeros((*nodes.shape[:3], 0), np.float32)
     coefficients = plan.response.coefficients
     factors = np.empty((*nodes.shape[:3], coefficients.shape[1]), np.float32)
     for k, head in enumerate(plan.maps):
-        if np.isnan(nodes[k, ..., 0]).all():
-            continue  # the head sees nothing here, and its factors are not used
         x, y = np.moveaxis(2 * nodes[k].astype(np.float32), -1, 0)
         x, y = x - np.float32(head.width_px - 1), y - np.float32(head.height_px - 1)
         q = (x * x + y * y) * np.float32(1 / (head.width_px**2 + head.height_px**2))
@@ -337,10 +338,3 @@ def _factors(plan: RenderPlan, nodes: Array) -> NDArray[np.float32]:
         for band, (g, a, b) in enumerate(coefficients[k].astype(np.float32)):
             factors[k, ..., band] = np.exp(-(g + q * (a + q * b)))
     return factors
-
-
-def _recipe(plan: RenderPlan, image: np.ndarray, out: np.ndarray) -> Recipe:
-    bits, bands, cubic = 8 * image.itemsize, image.shape[2], plan.interpolation == "cubic"
-    method = method_number(bits, bands, cubic=cubic)
-    feather = float(plan.feather_px) if plan.feather_px >= NARROWEST_PX else 0.0
-    return Recipe(plan.step_px, bands, bits, 8 * out.itemsize, method, cubic, feather)

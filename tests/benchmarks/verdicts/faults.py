@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4book.notebooks import simulated
 from acx4book.planning import plan as plans
+from acx4book.planning.flown import simulate
 from acx4lib.geometry.frames import exp, opk_from_rotation, rotation_from_opk
 from acx4sim.designs import DESIGNS
 from acx4sim.files import SimulatedFlight
@@ -131,9 +131,9 @@ def fly(
     planned = plans.from_values(values)
 
     def again(options: Options) -> dict[str, pd.DataFrame]:
-        return {**simulated.simulate(planned, seed=seed, options=options).tables}
+        return {**simulate(planned, seed=seed, options=options).tables}
 
-    clean = simulated.simulate(planned, seed=seed, options=of.options(size))
+    clean = simulate(planned, seed=seed, options=of.options(size))
     tables = {path: table.copy() for path, table in clean.tables.items()}
     planted = of.makes(Flown(tables=tables, size=size, rng=rng, again=again))
     return replace(clean, tables=tables), planted

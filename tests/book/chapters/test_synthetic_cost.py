@@ -151,26 +151,6 @@ def test_it_explains_the_exact_lever_arm_but_for_an_eighth():
     assert z.loc[0] == pytest.approx(synthetic_cost.true_centre_m()[2], abs=0.01)
 
 
-# --- radial distortion
-
-
-def test_it_is_the_polynomial_of_eq_7():
-    found = synthetic_cost.radial_um(np.array([1e-7, 1e-10, 1e-13]), np.array([10.0, 0.0]))
-    assert found == pytest.approx([1000 * (1e-4 + 1e-5 + 1e-6), 0])
-
-
-def test_a_line_is_followed_to_the_focal_length_of_the_print():
-    differences = pd.DataFrame({"k1": [-1.0, 1.0], "k2": [-3.0, -1.0]}, index=[74.0, 74.2])
-    assert synthetic_cost.focal_lengths(differences) == pytest.approx([74.1, 74.3])
-
-
-def test_without_distance_of_the_centres_there_is_hardly_any_distortion():
-    curves = synthetic_cost.by_side(synthetic_cost.read())
-    corner = synthetic_cost.radial_um(curves.to_numpy().T, synthetic_cost.radius_mm())[-1]
-    assert abs(corner[0]) < 0.5
-    assert corner[2] == pytest.approx(2 * corner[1], rel=0.1)  # in proportion to the side
-
-
 # --- Tables of what the synthetic image costs
 
 

@@ -11,6 +11,7 @@ from acx4book.notebooks import runner
 from acx4book.notebooks import simulated as notebooks_simulated
 from acx4book.planning import design, tables
 from acx4book.planning import plan as plans
+from acx4book.planning.flown import simulate
 from acx4files.flight.reader import read
 from acx4files.results import folder
 from acx4files.stages import mounting as stages_mounting
@@ -106,7 +107,7 @@ PLANS_OF_TEN = {
 
 
 def flown(plan, folder, seed=1):
-    write_files(notebooks_simulated.simulate(plan, seed=seed, options=Options()), folder)
+    write_files(simulate(plan, seed=seed, options=Options()), folder)
     return read(folder)
 
 
@@ -178,16 +179,16 @@ def test_correlated_errors_of_a_plan_are_flown_each_with_its_time_constant():
         (gnss, {**flown_with, "attitude": 0.0, "attitude_constant_s": 600.0}),
         ({**gnss, **attitude}, flown_with),
     ):
-        flight = notebooks_simulated.simulate(correlated(**apriori), seed=1, options=Options())
+        flight = simulate(correlated(**apriori), seed=1, options=Options())
         assert flight.truth["options"]["slow_errors"] == expected
-    white = notebooks_simulated.simulate(plans.from_values(values()), seed=1, options=Options())
+    white = simulate(plans.from_values(values()), seed=1, options=Options())
     assert white.truth["options"]["slow_errors"] is None
 
 
 def flown_again(wanted):
     """Return what the simulator flies by the plan that a design has as a plan's file."""
     plan = plans.from_values(notebooks_simulated.values(wanted))
-    return notebooks_simulated.simulate(plan, seed=1, options=Options()).plan
+    return simulate(plan, seed=1, options=Options()).plan
 
 
 @pytest.mark.parametrize("name", PLANS)
@@ -237,7 +238,7 @@ N_DELAYED = 50
 
 
 def flights_of_a_plan_flown(plan, seed, *, change=None, **options):
-    simulated = notebooks_simulated.simulate(plan, seed=seed, options=Options(**options))
+    simulated = simulate(plan, seed=seed, options=Options(**options))
     if change is not None:
         simulated = change(simulated)
     with tempfile.TemporaryDirectory() as at:
@@ -369,7 +370,7 @@ def weak_run(tmp_path_factory):
             stages={"mounting": {"estimate": ALL}},
         )
     )
-    write_files(notebooks_simulated.simulate(plan, seed=1, options=Options()), at / "flight")
+    write_files(simulate(plan, seed=1, options=Options()), at / "flight")
     done = runner.run(at / "flight", at / "results")
     return plan, done, at / "results"
 

@@ -14,14 +14,6 @@ from support.helpers import ROOT
 # --- executed notebooks as pages of the book -------------------------------------------------
 
 
-def executed(path):
-    """Write a notebook of a title and a cell that shows something."""
-    v4 = nbformat.v4
-    shown = v4.new_code_cell("1", outputs=[v4.new_output("execute_result", {"text/plain": "1"})])
-    cells = [v4.new_markdown_cell("# Title\n\nIntroduction."), shown]
-    nbformat.write(v4.new_notebook(cells=cells), path)
-
-
 def test_what_a_flight_has_nothing_of_is_left_out_with_its_heading(tmp_path):
     v4 = nbformat.v4
     figure = {"mystnb": {"figure": {"caption": "A figure.", "name": "fig-a"}}}

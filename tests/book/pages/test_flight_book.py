@@ -106,3 +106,12 @@ def test_a_chapter_that_is_not_there_is_a_line_and_leaves_nothing(tmp_path):
     with pytest.raises(flight_book.BookError, match="99: no such notebook"):
         flight_book.write_chapter("99", tmp_path, tmp_path / "site")
     assert not (tmp_path / "site").exists()
+
+
+@pytest.mark.repeats
+def test_a_chapter_of_the_foundations_is_a_page_with_its_exercises(tmp_path, capsys):
+    flight_book.write_chapter("foundations/2-rotations", tmp_path / "none", tmp_path / "site")
+    found = page(tmp_path / "site", "_executed/foundations/2-rotations.html")
+    assert found.select(".exercise")
+    assert found.select("div.drawing, img")
+    assert "WARNING" not in capsys.readouterr().err

@@ -78,11 +78,9 @@ def test_without_the_measurements_the_date_is_said(name, nowhere):
 
 
 def test_angles_agree_after_full_turns():
-    printed = {("Kappa",): dbat_files.Line(path=("Kappa",), statement="{} deg", numbers=("182.6",))}
-    ours = {("Kappa",): dbat_files.say("{} deg", dbat_files.Angle(-177.4))}
-    assert dbat_files.compare(printed, ours)["agrees"].all()
-    ours = {("Kappa",): dbat_files.say("{} deg", -177.4)}
-    assert not dbat_files.compare(printed, ours)["agrees"].any()
+    printed = {("Kappa",): dbat_files.Line(text="182.6 deg", numbers=("182.6",))}
+    for ours, agrees in ((dbat_files.Angle(-177.4), True), (-177.4, False)):
+        assert dbat_files.compare(printed, {("Kappa",): (ours,)})["agrees"].all() == agrees
 
 
 @pytest.mark.slow

@@ -101,10 +101,7 @@ def test_conventions_are_converted_as_the_reference_states_them():
     radial = k1 * r2 + k2 * r2**2 + k3 * r2**3
     x_c = x + x * radial + p1 * (r2 + 2 * x**2) + 2 * p2 * x * y
     y_c = y + y * radial + p2 * (r2 + 2 * y**2) + 2 * p1 * x * y
-    read = dbat_files.Measurements(
-        image=np.ones(3, dtype=int), point=np.arange(3), xy_px=xy_px, sigma_px=np.ones(3)
-    )
-    ours = correct(camera.interior, xy_from_colrow(camera, read.colrow))
+    ours = correct(camera.interior, xy_from_colrow(camera, xy_px - dbat_files.HALF_PIXEL))
     np.testing.assert_allclose(ours, np.column_stack([x_c, y_c]), atol=1e-12)
 
 
@@ -121,33 +118,6 @@ def test_covariance_of_the_converted_interior_is_propagated():
     # the principal point is xp over one plus b1, and a constant
     assert got[1, 1] == pytest.approx(4e-6 / 1.1**2 + 9e-6 * 0.8**2 / 1.1**4)
     assert got[1, 3] == pytest.approx(-9e-6 * 0.8 / 1.1**2)
-
-
-# --- other files -----------------------------------------------------------------------------
-
-
-def of_model(tmp_path, project, model):
-    report = tmp_path / "report.txt"
-    text = project.report.read_text()
-    report.write_text(text.replace("Backward (Photogrammetry) model 3", model))
-    return results(replace(project, report=report))
-
-
-@needs("dbat-sxb")
-@pytest.mark.parametrize("model", "12345")
-def test_every_backward_model_is_ours_without_an_aspect(tmp_path, model):
-    name = f"Backward (Photogrammetry) model {model}"
-    assert of_model(tmp_path, dbat_files.sxb(), name)["agrees"].all()
-
-
-@needs("dbat-camcal")
-@pytest.mark.parametrize(
-    "name", ["Backward (Photogrammetry) model 4", "Forward (Computer Vision) model 1"]
-)
-def test_another_lens_than_ours_is_told(tmp_path, name):
-    """The project camcal estimates an aspect, which model 4 applies after the lens."""
-    with pytest.raises(ValueError, match=f"^lens distortion model {re.escape(name)}: expected a"):
-        of_model(tmp_path, dbat_files.camcal(), name)
 
 
 # --- Half of the photographs of `camcal` against the other half, as two campaigns
@@ -229,17 +199,6 @@ def test_errors_of_measurement_alone_are_no_change(adjusted, block):
 
 
 PAGE = Path(__file__).parents[3] / "book" / "library.md"
-NAMES = (
-    "Camera Constant",
-    "px - principal point x",
-    "py - principal point y",
-    "as - off-unit aspect parameter",
-    "K1 - radial distortion 1",
-    "K2 - radial distortion 2",
-    "K3 - radial distortion 3",
-    "P1 - decentering distortion 1",
-    "P2 - decentering distortion 2",
-)
 
 
 def code():
@@ -258,7 +217,8 @@ def test_the_page_s_lines_give_every_printed_digit_of_the_camera():
     values, cov = dbat_files.interior_to_dbat(fit.cameras[0], cov[np.ix_(order, order)])
     printed = dbat_files.read(data.path("dbat-camcal/reference_report.txt"))
     place = ("Information from last bundle", "Cameras", "Camera1 (simple)")
-    for name, value, sigma in zip(NAMES, values, np.sqrt(np.diag(cov)), strict=True):
+    headings = [dbat_statements.HEADINGS[name] for name in dbat_files.INTERIOR_NAMES]
+    for name, value, sigma in zip(headings, values, np.sqrt(np.diag(cov)), strict=True):
         for what, ours in (("Value", value), ("Deviation", sigma)):
             (text,) = printed[(*place, name, what)].numbers
             assert abs(ours - float(text)) <= dbat_files.last_digit(text), (name, what)

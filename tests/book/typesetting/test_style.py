@@ -10,7 +10,6 @@ from numpy.testing import assert_allclose
 from scipy.spatial import KDTree
 
 from acx4book.typesetting import maps, style
-from support.flights.simulated import fly
 from support.helpers import ROOT
 
 # --- The style of figures: colours that all tell apart, nothing left behind ------------------
@@ -106,11 +105,6 @@ def test_of_many_marks_the_largest_of_every_place_is_drawn(rng, size):
 
 
 # --- Maps of a flight: every exposure, strip and point has its place -------------------------
-
-
-@pytest.fixture(scope="module")
-def flight():
-    return fly("acx4", seed=1, blocks=("heads",)).flight
 
 
 EAST, NORTH, UP = np.eye(3)

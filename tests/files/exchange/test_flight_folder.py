@@ -201,9 +201,6 @@ def test_several_cameras_are_heads_of_a_synthetic_image(tmp_path):
     assert (tmp_path / "heads" / "images.csv").is_file()
 
 
-# --- Settings, tables and coordinate systems that imports write
-
-
 # --- TOML that is written is read back as it was ---------------------------------------------
 
 

@@ -150,24 +150,6 @@ def test_skew_adds_the_other_coordinate():
     assert_allclose(moved, np.stack([3.0 * IDEAL[:, 1], 2.0 * IDEAL[:, 0]], axis=1), atol=1e-9)
 
 
-def test_a_pixel_size_is_that_of_the_file_or_of_the_user_or_nominal():
-    known = lens_models_lens(pixel_um=3.7500001)
-    assert known.refitted("a").table["pixel_um"] == 3.75
-    assert lens_models_lens().refitted("b").table["pixel_um"] == 5.0
-    assert lens_models_lens().refitted("b", 2.0).table["focal_mm"] == 2.0
-
-
-def test_what_is_zero_is_not_written():
-    assert lens_models_lens().refitted("a").table == {
-        "width_px": 1000,
-        "height_px": 800,
-        "pixel_um": 5.0,
-        "focal_mm": 5.0,
-        "xp_mm": 0.0025,
-        "yp_mm": -0.0025,
-    }
-
-
 # --- lenses refitted, held against OpenCV's own functions and closed forms -------------------
 
 
@@ -292,23 +274,6 @@ def _held(ideal, nodes, coefficients):
     return float(
         np.sqrt(np.mean(np.sum((HOLE_LENS.fy * (at + effects - ideal(nodes))) ** 2, axis=1)))
     )
-
-
-def test_a_focal_length_that_is_no_scale_at_the_centre_is_fitted_too():
-    """By the model FOV the centre's scale is 2 tan(w / 2) / w of the focal length."""
-    omega, hole = 0.6, Pinhole(fx=4100.0, fy=4100.0, cx=1999.5, cy=1499.5)
-    scale = 2 * np.tan(omega / 2) / omega
-
-    def ideal(colrow):
-        at = hole.points(colrow)
-        r = np.hypot(*at.T)[:, None]
-        return at * np.tan(r * omega) / (scale * omega * r)
-
-    camera, left = lens.camera_of(ideal, hole, **SIZE)
-    assert_allclose(camera.interior.f, 4100 * 0.004 * scale, rtol=1e-6)
-    assert left.largest_px < 1e-3
-    found = correct(camera.interior, xy_from_colrow(camera, COLROW)) / camera.interior.f
-    assert_allclose(found * [1, -1], ideal(COLROW), atol=1e-6)
 
 
 def test_opencvs_coefficients_come_back():

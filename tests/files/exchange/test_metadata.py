@@ -234,18 +234,6 @@ def test_multispectral_pictures_of_dji_have_both_name_spaces(tmp_path):
     assert metadata.DESIGNED in bare.said
 
 
-def test_the_designed_centre_of_dji_counts_from_the_corner(tmp_path):
-    designed = {metadata.DESIGNED: "364", metadata.CENTRE[0]: "160", metadata.CENTRE[1]: "120"}
-    interior = lens_of(tmp_path, designed, name="a.jpg").camera.interior
-    assert (interior.xp, interior.yp) == pytest.approx((0, 0))
-
-
-def test_exif_alone_gives_a_nominal_lens(tmp_path):
-    exif = tagged.metadata()
-    exif.get_ifd(tagged.EXIF)[37386] = 5.4
-    assert lens_of(tmp_path, None, exif=exif).camera.interior.f == pytest.approx(5.4)
-
-
 def test_the_focal_length_of_35_mm_film_is_over_the_width(tmp_path):
     exif = tagged.metadata(pixel_mm=None)
     exif.get_ifd(tagged.EXIF)[41989] = 24

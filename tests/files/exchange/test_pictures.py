@@ -139,13 +139,6 @@ def test_the_light_sensors_angles_are_radians_and_count_last(tmp_path):
     assert metadata.attitude_of(tags_of(tmp_path)) is None
 
 
-def test_the_course_follows_the_track():
-    north = [(47.0, 3.0, 0.0), (47.1, 3.0, 0.0), (47.2, 3.0, 0.0)]
-    assert metadata.course(north) == pytest.approx([0, 0, 0])
-    assert metadata.course([(0.0, 3.0, 0.0), (0.0, 3.1, 0.0)]) == pytest.approx([90, 90])
-    assert metadata.course(north[:1]) == [0.0]
-
-
 # --- Heads, their reference, and what their three angles mean
 
 

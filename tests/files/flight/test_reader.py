@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 # ruff: noqa: E501 a message stands on one line
-import datetime as dt
 import re
 import tomllib
 from dataclasses import replace
@@ -17,9 +16,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 import acx4sim
 from acx4files import flight
 from acx4files.flight import reader
-from acx4files.flight.reader import from_tables, table_files
+from acx4files.flight.reader import from_tables
 from acx4files.flight.settings import Apriori, Synthetic, camera_of, camera_table, camera_toml
-from acx4files.flight.summary import summary
 from acx4lib.block import Block
 from acx4lib.errors import FlightError
 from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
@@ -88,22 +86,6 @@ def test_stages_estimate_what_the_paper_estimates_by_default(tmp_path):
     assert read.apriori == Apriori()
 
 
-def test_stages_and_refraction_are_as_flight_toml_says(tmp_path):
-    append(
-        write_flight(tmp_path) / "flight.toml",
-        '[stages.heads]\nestimate = []\n[stages.mounting]\nestimate = ["f_mm", "b1", "b2"]\n'
-        'fix = ["lever_arm"]\ngnss = ["shift", "drift"]\n',
-    )
-    text = (tmp_path / "flight.toml").read_text()
-    (tmp_path / "flight.toml").write_text('refraction = "standard"\n' + text)
-    read = flight.read(tmp_path)
-    assert read.estimate_heads == ()
-    assert read.estimate_mounting == ("f", "b1", "b2")
-    assert read.fix == ("lever_arm",)
-    assert read.gnss == ("shift", "drift")
-    assert read.refraction == "standard"
-
-
 def of_refraction(folder, line=""):
     toml = folder / "flight.toml"
     toml.write_text(line + toml.read_text())
@@ -135,16 +117,6 @@ def test_a_camera_has_the_units_of_the_library(tmp_path):
     assert_allclose(camera.T_b_c.R @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-15)
 
 
-def test_times_are_read_where_a_trajectory_has_them(tmp_path):
-    path = write_flight(tmp_path) / "calibration/trajectory.csv"
-    assert np.all(np.isnan(flight.read(tmp_path).calibration.trajectory.time_s))
-    rows = pd.read_csv(path, dtype=str).assign(time_s=1000.5 + 4 * np.arange(6))
-    unused = rows.iloc[[0]].assign(exposure="unused", time_s=0.0)
-    pd.concat([unused, rows]).to_csv(path, index=False)
-    times = flight.read(tmp_path).calibration.trajectory.time_s
-    assert_allclose(times, 1000.5 + 4 * np.arange(6), atol=0)
-
-
 def test_sigma_columns_go_before_the_defaults(tmp_path):
     write_flight(tmp_path)
     append(tmp_path / "flight.toml", "[apriori]\nimage_point_px = 0.3\nheading_deg = 0.02\n")
@@ -164,25 +136,6 @@ def test_the_smallest_angle_of_tie_points_is_that_of_the_file_or_two_degrees(tmp
     assert flight.read(tmp_path).calibration.smallest_angle == np.radians(2.0)
     append(tmp_path / "flight.toml", "[adjustment]\nsmallest_angle_deg = 0.5\n")
     assert_allclose(np.degrees(flight.read(tmp_path).calibration.smallest_angle), 0.5)
-
-
-def test_distances_are_read_where_there_are_some(tmp_path):
-    write_flight(tmp_path)
-    assert len(flight.read(tmp_path).calibration.distances) == 0
-    names = flight.read(tmp_path).calibration.points
-    path = tmp_path / "calibration/distances.csv"
-    path.write_text(
-        "point_a,point_b,distance_m,sigma_m,comment\n"
-        f"{names[0]},{names[2]},12.5,0.001,bar 1\n{names[2]},{names[0]},12.502,0.002,again\n"
-    )
-    read = flight.read(tmp_path)
-    found = read.calibration.distances
-    assert found.point_idx.tolist() == [[0, 2], [2, 0]]
-    assert_allclose(found.distance_m, [12.5, 12.502])
-    assert_allclose(found.sigma_m, [0.001, 0.002])
-    assert "calibration/distances.csv" in read.sha256
-    assert Path("calibration/distances.csv") in table_files(read)
-    assert "2, 12.500 to 12.502 m" in summary(read)
 
 
 def test_check_points_are_no_control_and_in_validation_all_are_check_points(tmp_path):
@@ -228,16 +181,6 @@ def test_the_mapping_frame_has_its_origin_amid_the_exposures_that_are_used(tmp_p
     assert len(block.trajectory) == 6
 
 
-@pytest.mark.parametrize("role", ["control", "check"])
-def test_a_control_point_that_is_not_measured_is_left_out_and_said(tmp_path, role):
-    write_flight(tmp_path)
-    change(tmp_path / "control_points.csv", role=role)
-    append(tmp_path / "control_points.csv", f"FAR,900000,7188000,900,{role}\n")
-    read = flight.read(tmp_path)
-    assert "FAR" not in read.calibration.points
-    assert "calibration: 1 of 10 control points are not measured" in read.notes
-
-
 @pytest.mark.parametrize(
     ("measured", "surveyed"),
     [
@@ -262,13 +205,6 @@ def test_a_control_point_that_is_measured_under_another_writing_is_said(
     ) in flight.read(tmp_path).notes
 
 
-def test_names_that_differ_by_more_than_their_writing_are_not_said(tmp_path):
-    write_flight(tmp_path)
-    append(tmp_path / "control_points.csv", "G10,669800,7188000,900\nT-1-1,669800,7188000,900\n")
-    append(tmp_path / "calibration/image_points.csv", "E0_CAM,T11,10,10\n")
-    assert not any("written otherwise" in note for note in flight.read(tmp_path).notes)
-
-
 def test_a_crs_with_heights_that_are_not_the_flights_is_said(tmp_path):
     write_flight(tmp_path)
     toml = tmp_path / "flight.toml"
@@ -287,6 +223,7 @@ def test_what_is_odd_but_allowed_is_a_note(tmp_path):
         block / "trajectory.csv", "E6,669850.0,7188100.0,1900.0,0,0,0\nE7,669850,7188100,1,0,0,0\n"
     )
     append(block / "images.csv", "E6_CAM,CAM,E6,2\n")
+    append(tmp_path / "control_points.csv", "FAR,900000,7188000,900\n")
     change(block / "trajectory.csv", sigma_eats_m=1.0, sensor="x")
     assert flight.read(tmp_path).notes[:-1] == (
         f"{block}/image_points.csv: 3 blank lines at the end",
@@ -295,6 +232,7 @@ def test_what_is_odd_but_allowed_is_a_note(tmp_path):
         "calibration: 1 of 1 tie points are measured only once",
         "calibration: 1 of 7 images have no measurements: E6_CAM",
         "calibration: 1 of 8 trajectory rows belong to no image",
+        "calibration: 1 of 10 control points are not measured",
     )
 
 
@@ -361,26 +299,18 @@ def test_pixels_are_found_where_images_csv_names_them(tmp_path):
     assert files == (pixels.resolve(), *[None] * 5)
 
 
-def test_a_geoid_grid_of_the_flight_raises_all_heights(tmp_path):
+@pytest.mark.parametrize("heights", ['"geoid.gtx"', "12.5"])
+def test_a_geoid_grid_or_an_undulation_raises_all_heights(tmp_path, heights):
     write_flight(tmp_path)
     (tmp_path / "geoid.gtx").write_bytes(constant_gtx(12.5))
     plain = flight.read(tmp_path).calibration
     toml = tmp_path / "flight.toml"
-    toml.write_text(toml.read_text().replace("ellipsoidal", "geoid.gtx"))
+    toml.write_text(toml.read_text().replace('"ellipsoidal"', heights))
     raised = flight.read(tmp_path).calibration
     assert_allclose(raised.control.x_m - plain.control.x_m, [[0, 0, 12.5]] * 9, atol=1e-3)
     assert_allclose(
         raised.trajectory.T_m_b.r[0, 2] - plain.trajectory.T_m_b.r[0, 2], 12.5, atol=1e-3
     )
-
-
-def test_a_constant_undulation_raises_all_heights(tmp_path):
-    plain = flight.read(write_flight(tmp_path)).calibration
-    toml = tmp_path / "flight.toml"
-    toml.write_text(toml.read_text().replace('"ellipsoidal"', "12.5"))
-    read = flight.read(tmp_path)
-    assert_allclose(read.calibration.control.x_m - plain.control.x_m, [[0, 0, 12.5]] * 9, atol=1e-3)
-    assert "  heights        undulation 12.5 m" in flight.summary(read).splitlines()
 
 
 def constant_gtx(height: float) -> bytes:
@@ -406,15 +336,6 @@ def test_the_summary_says_what_was_flown(tmp_path):
         "  overlap        74 to 75 % along the strips, median 74",
     ):
         assert line in lines
-
-
-def test_a_block_without_surveyed_points_has_no_known_height(tmp_path):
-    write_flight(tmp_path)
-    path = tmp_path / "control_points.csv"
-    path.write_text(path.read_text().splitlines()[0] + "\n")
-    read = flight.read(tmp_path)
-    assert len(read.calibration.control) == 0
-    assert "  flying height  not known" in flight.summary(read)
 
 
 EXACT = acx4sim.Options(image_noise=0, control_noise=0, gnss_noise=0, attitude_noise=0)
@@ -443,22 +364,6 @@ def true_camera(camera: Camera, truth: dict[str, float]) -> Camera:
             R=rotation_from_opk(opk), r=np.array([truth[f"lever_{name}_m"] for name in "xyz"])
         ),
     )
-
-
-def test_a_session_has_a_date_and_a_temperature_where_they_are_written(tmp_path):
-    write_flight(tmp_path)
-    found = flight.read(tmp_path).session
-    assert found.date is None
-    assert np.isnan(found.temperature_c)
-    append(tmp_path / "flight.toml", "[session]\ndate = 2026-05-02\ntemperature_c = -4\n")
-    known = flight.read(tmp_path)
-    assert (str(known.session.date), known.session.temperature_c) == ("2026-05-02", -4.0)
-    assert "session        2026-05-02, -4 °C" in summary(known)
-    text = (tmp_path / "flight.toml").read_text()
-    (tmp_path / "flight.toml").write_text(
-        text.replace("= 2026-05-02\n", "= 2026-05-02T09:30:00Z\n")
-    )
-    assert str(flight.read(tmp_path).session.date) == "2026-05-02"
 
 
 # --- Flights from tables in memory: the same as from files, and told as clearly when wrong
@@ -557,22 +462,6 @@ def test_without_control_points_there_are_none():
     assert len(found.calibration.control) == 0
 
 
-def test_distances_are_a_table_of_their_block():
-    a, b = TABLES["image_points"]["point"].drop_duplicates()[:2]
-    given = {"point_a": [a], "point_b": [b], "distance_m": [3.5], "sigma_m": [0.01]}
-    found = from_tables(
-        SETTINGS, control_points=CONTROL, calibration={**TABLES, "distances": given}
-    )
-    block = found.blocks["calibration"]
-    assert [block.points[i] for i in block.distances.point_idx[0]] == [a, b]
-    assert block.distances.distance_m.tolist() == [3.5]
-    assert "calibration/distances.csv" in found.sha256
-    wrong = {**given, "point_b": ["nowhere"], "sigma_m": [0.0]}
-    sigma, unknown = told(calibration={**TABLES, "distances": wrong})
-    assert sigma.startswith("calibration.distances, row 0: sigma_m: 0.0; must be positive")
-    assert unknown.startswith("calibration.distances, row 0: point_b: 'nowhere' is unknown")
-
-
 def test_a_checksum_tells_tables_apart():
     one, other = (
         from_tables(SETTINGS, calibration=changed("image_points", sigma_px=np.full(N, sigma)))
@@ -587,7 +476,7 @@ def test_a_checksum_tells_tables_apart():
 POINTS = "calibration.image_points"
 COL = TABLES["image_points"]["col_px"].to_numpy()
 WRONG = [
-    ({"sigma_px": 0.5}, f": sigma_px: an array of shape (); must be one value for each row, shape ({N},)"),
+    ({"sigma_px": 0.5}, f": sigma_px: the single value 0.5; must be one for each row: np.full({N}, 0.5)"),
     ({"sigma_px": [0.0] + [0.5] * (N - 1)}, ", row 0: sigma_px: 0.0; must be positive, at most 1e6"),
     ({"sigma_px": np.ones((N, 2))}, f": sigma_px: an array of shape ({N}, 2); must be one value for each row, shape ({N},)"),
     ({"col_px": COL[:-1]}, f": col_px: an array of shape ({N - 1},); must be one value for each row, shape ({N},)"),
@@ -631,7 +520,7 @@ def test_missing_tables_and_misspelt_ones_are_told():
     tables = {"images": TABLES["images"], "image_point": 0, "trajectory": TABLES["trajectory"]}
     assert told(calibration=tables) == [
         "calibration: image_point: unknown table (did you mean 'image_points'?); must be one of "
-        "images, image_points, trajectory, control_points, distances",
+        "images, image_points, trajectory, control_points",
         "calibration: image_points: missing; required",
     ]
     assert told(calibration=TABLES["images"]) == [
@@ -670,23 +559,6 @@ def test_no_cell_however_odd_is_answered_with_an_error_of_python(column):
         assert all(
             line.startswith(f"calibration.image_points, row 5: {column}: ") for line in lines
         )
-
-
-def test_a_flight_from_tables_says_that_it_has_no_folder():
-    found = from_tables(SETTINGS, control_points=CONTROL, calibration=TABLES)
-    with pytest.raises(FlightError, match=r"^tables in memory: the flight has no block heads$"):
-        found.block("heads")
-
-
-def test_missing_columns_and_rows_are_told():
-    without = TABLES["images"].rename(columns={"camera": "Camera"})
-    assert told(calibration={**TABLES, "images": without}) == [
-        "calibration.images: camera: missing in the header (is it 'Camera'?); required"
-    ]
-    none = TABLES["image_points"].iloc[:0]
-    assert told(calibration={**TABLES, "image_points": none})[0] == (
-        "calibration.image_points: table: has no rows; at least one row under the header"
-    )
 
 
 def test_a_control_point_that_lies_elsewhere_is_noted_with_its_row():
@@ -728,13 +600,6 @@ def test_a_crs_that_fits_or_says_nothing_is_no_note(crs):
     assert not area_notes("acx4-ideal", crs)
 
 
-@pytest.mark.parametrize(("crs", "fits"), [("EPSG:3832", False), ("EPSG:3851", False)])
-def test_an_area_may_cross_the_date_line(crs, fits):
-    """From 98.7 east by the date line to 68 west; Brazil's 49.3 west is in neither."""
-    assert bool(area_notes("acx4-ideal", crs)) is not fits
-    assert area_notes("single-head", crs)  # nor is Bohemia
-
-
 @pytest.mark.parametrize(
     ("west", "east", "lon", "inside"),
     [
@@ -754,41 +619,6 @@ def test_degrees_in_the_place_of_metres_are_known():
     assert not reader.of_degrees(GridSystem(crs="EPSG:32633"), 1e5 + at[0], 1e5 + at[1])
     assert not reader.of_degrees(GridSystem(crs="EPSG:3857"), *at)  # means Africa's coast, too
     assert not reader.of_degrees(GridSystem(crs="+proj=utm +zone=33 +units=m"), *at)
-
-
-# --- the table [certificate]: stated values are read, faults are lines with their cure -------
-
-
-STATED = """
-[certificate]
-number = "2026-031"
-operator = "Aero <b>Sul</b> & $x$"
-antenna_lever_m = [0.12, -0.03, 1]
-valid_until = 2028-11-22
-
-[certificate.cameras.CAM]
-maker = "Maker"
-lens_serial = "77"
-"""
-
-
-def stating(folder, text):
-    path = written.write_flight(folder / "flight")
-    toml = path / "flight.toml"
-    toml.write_text(toml.read_text(encoding="utf-8") + text, encoding="utf-8")
-    return path
-
-
-def test_what_is_stated_is_read_and_the_rest_is_empty(tmp_path):
-    found = flight.read(stating(tmp_path, STATED)).certificate
-    assert (found.number, found.operator, found.laboratory) == (
-        "2026-031",
-        "Aero <b>Sul</b> & $x$",
-        "",
-    )
-    assert found.antenna_lever_m == (0.12, -0.03, 1.0)
-    assert found.valid_until == dt.date(2028, 11, 22)
-    assert (found.cameras["CAM"].maker, found.cameras["CAM"].serial) == ("Maker", "")
 
 
 # --- cameras as flight.toml has them, there and back -----------------------------------------

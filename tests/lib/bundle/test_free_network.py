@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy import stats
 
-from acx4lib.block import lengths
 from acx4lib.bundle.adjust import adjust, free_orientation, mounted_orientation, with_held_poses
 from acx4lib.bundle.compiled import packing
 from acx4lib.bundle.free_network import adjust_free, datum_defect
@@ -94,49 +92,6 @@ def test_with_a_datum_inner_constraints_add_nothing(noisy_block):
 TRUTH = blocks.standard_points()
 ENDS = np.array([[11, 20], [12, 31], [13, 42], [14, 25], [15, 36], [16, 47], [17, 28], [11, 39]])
 """Pairs of tie points, hundreds of metres apart."""
-
-
-def test_one_distance_gives_the_scale_to_a_block_that_began_two_percent_too_large(exact_block):
-    block = alone(exact_block)
-    T = block.trajectory.T_m_b
-    middle = T.r.mean(axis=0)
-    large = replace(T, r=middle + 1.02 * (T.r - middle))
-    block = replace(block, trajectory=replace(block.trajectory, T_m_b=large))
-    one = blocks.taped(block, ENDS[:1], sigma=0.002)
-    assert (datum_defect(network(block)), datum_defect(network(one))) == (7, 6)
-    fit = adjust_free(network(one))
-    used = np.flatnonzero(network(one).free_points)
-    pairs = np.stack([used[:-1], used[1:]], axis=1)
-    found, expected = (lengths(x, pairs)[0] for x in (fit.inner.state.x_m, TRUTH))
-    assert_allclose(found, expected, rtol=1e-8)
-    # the only distance has no redundancy: nothing else knows the scale
-    assert fit.inner.solution.group("distance").redundancy == pytest.approx(0.0, abs=1e-6)
-    assert fit.inner.solution.redundancy == adjust_free(network(block)).inner.solution.redundancy
-
-
-def test_distances_and_their_residuals_are_as_uncertain_as_they_say(exact_block):
-    """Of 25 draws: chi-square of all residuals, of those of distances, of adjusted distances."""
-    block, rng = alone(exact_block), np.random.default_rng(8)
-    true, _ = lengths(TRUTH, ENDS)
-    cost, n, v_sq, shares, errors = 0.0, 0, 0.0, 0.0, []
-    for _ in range(25):
-        off = 0.2 * rng.normal(size=len(ENDS))
-        drawn = blocks.taped(blocks.noisy(block, rng), ENDS, sigma=0.2, off=off)
-        fit = adjust_free(network(drawn)).inner
-        cost, n = cost + fit.solution.cost, n + fit.solution.redundancy
-        group = fit.solution.group("distance")
-        v_sq, shares = v_sq + np.sum((group.v / group.sigma) ** 2), shares + group.redundancy.sum()
-        length, _ = lengths(fit.state.x_m, ENDS)
-        sigma = group.sigma * np.sqrt(1 - group.redundancy)
-        errors.append((length - true) / sigma[:, 0])
-    low, high = stats.chi2.interval(0.9999, n)
-    assert low < cost < high
-    assert shares > 0.4 * 25 * len(ENDS)
-    assert abs(v_sq - shares) < 4 * np.sqrt(2 * shares)
-    low, high = stats.chi2.interval(0.9999 ** (1 / len(ENDS)), 25)
-    sums = np.sum(np.square(errors), axis=0)
-    assert low < sums.min()
-    assert sums.max() < high
 
 
 # --- covariances -----------------------------------------------------------------------------

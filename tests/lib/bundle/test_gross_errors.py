@@ -56,18 +56,6 @@ def test_a_wrong_image_point_is_found(noisy_block, set_up):
     assert fit.solution.sigma0_sq == pytest.approx(1.0, abs=0.2)
 
 
-@pytest.mark.parametrize("set_up", [free_network, mounted_network])
-def test_a_wrong_distance_is_found_and_the_others_stay(noisy_block, rng, set_up):
-    ends = [[11, 20], [12, 31], [13, 42], [14, 25], [15, 36]]
-    off = 0.1 * rng.normal(size=5)
-    off[3] += 3.0
-    found, fit = rejections(blocks.taped(noisy_block, ends, sigma=0.1, off=off), set_up)
-    assert found == [("distance", 3, -1)]
-    assert len(fit.network.distances) == 4
-    group = fit.solution.group("distance")
-    assert np.abs(group.w).max() < 3.9
-
-
 @pytest.mark.parametrize("component", [0, 2])
 def test_a_wrong_control_coordinate_is_found_and_the_others_stay(noisy_block, component):
     by = np.zeros((9, 3))

@@ -195,7 +195,7 @@ def test_equations_and_residuals_say_the_same(net, rng):
         assert_allclose(e.v, v, atol=1e-9)
         assert_allclose(e.sigma, sigma, atol=0)
     kinds = [e.kind for e in net.equations(state)]
-    assert kinds == ["image_point", "control_point", "gnss", "attitude", "distance"]
+    assert kinds == ["image_point", "control_point", "gnss", "attitude"]
 
 
 def test_a_position_residual_is_counted_along_the_grid_axes():

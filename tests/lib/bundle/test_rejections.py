@@ -38,12 +38,6 @@ def test_rejected_observations_are_taken_out_of_the_block(exact_block):
         assert np.isfinite(blocks.observed_sigmas(exact_block)[kind]).all()  # unharmed
 
 
-def test_a_rejected_distance_stays_in_the_block_without_a_weight(exact_block):
-    block = blocks.taped(exact_block, [[11, 20], [12, 31]], sigma=0.1)
-    one = Rejection(kind="distance", row=1, component=-1, statistic=9.0)
-    assert without(block, [one]).distances.sigma_m.tolist() == [0.1, np.inf]
-
-
 def test_a_control_point_without_a_component_goes_as_a_whole(exact_block):
     whole = Rejection(kind="control_point", row=2, component=-1, statistic=9.0)
     out = np.isinf(without(exact_block, [whole]).control.sigma_m)
@@ -157,16 +151,6 @@ def test_control_points_of_which_a_third_is_off_stay(noisy_block):
     (stopped,) = fit.stopped
     assert (stopped.kind, stopped.n_rejected, stopped.n) == ("control_point", 3, 9)
     assert fit.solution.group("control_point").used.all()
-
-
-def test_distances_of_which_three_in_eight_are_off_stay(noisy_block):
-    ends = [[11, 20], [12, 31], [13, 42], [14, 25], [15, 36], [16, 47], [17, 28], [11, 39]]
-    off = np.array([3.0, 0, 0, -3.0, 0, 4.0, 0, 0])
-    fit = adjusted(blocks.taped(noisy_block, ends, sigma=0.1, off=off))
-    (group,) = fit.stopped
-    assert (group.kind, group.n_rejected, group.n) == ("distance", 3, 8)
-    assert "3 of 8 distances" in sentence(fit.stopped)
-    assert len(fit.network.distances) == 8
 
 
 def test_half_of_the_rays_of_an_image_stay_and_it_is_named(noisy_block):

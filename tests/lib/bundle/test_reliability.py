@@ -204,29 +204,6 @@ def test_an_error_that_hardly_anything_controls_has_a_finite_effect_if_its_own_p
     assert_allclose(parameter_effects(fit, columns)[0][row], with_division, rtol=1e-6)
 
 
-def test_an_error_of_a_distance_has_the_effect_that_is_said(exact_block):
-    """Against adjustments with a distance off by two sigma; exact data leave no second order."""
-    ends, sigma_m = [[11, 20], [12, 31], [3, 42]], 0.01
-
-    def fitted(by):
-        block = blocks.taped(exact_block, ends, sigma=sigma_m, off=by)
-        return adjust(mounted_orientation(block, free=("f", "xp")))
-
-    fit = fitted(np.zeros(3))
-    columns = fit.network.layout.mount[0]
-    number = [g.kind for g in fit.solution.groups].index("distance")
-    effect = parameter_effects(fit, columns)[number][:, 0]
-    bias = reliability(fit.solution.groups[number]).detectable
-    sigma = np.sqrt(np.diag(fit.solution.cov))[columns]
-    for row in range(3):
-        by = np.zeros(3)
-        by[row] = 2 * sigma_m
-        ahead, behind = (one.state.T_b_c.r[0] for one in (fitted(by), fitted(-by)))
-        numeric = (ahead - behind) / 2 / sigma[:3] * bias[row] / by[row]
-        assert_allclose(effect[row, :3], numeric, atol=1e-3 * np.abs(effect[row]).max())
-        assert np.abs(numeric).max() > 0.1
-
-
 # --- One ray of an adjustment closes its equation: by hand, its residual is the library's
 
 

@@ -18,7 +18,7 @@ from acx4sim.plan import SlowErrors
 from support import blocks
 from support.flights import simulated as flown
 
-SIGMA_GROUPS = [of for of in variance_components.TESTED if of[0] != "distances"]
+SIGMA_GROUPS = [*variance_components.TESTED]
 FREE = ("f", "xp", "yp", "k1")
 PLAIN = Camera(
     name="CAM",
@@ -322,27 +322,6 @@ def test_components_are_free_of_bias_and_scatter_as_they_say():
     for group in ("image points", "roll, pitch", "heading"):
         z = (np.array(ratios[group]) - 1) / scatter[group]
         assert 0.5 < z.std(ddof=1) < 1.65, group
-
-
-# --- distances -------------------------------------------------------------------------------
-
-
-def test_wrong_sigma_of_distances_are_found(noisy_block, rng):
-    """Sigma of a fifth of the errors."""
-    ends = np.array([[11 + i, 11 + j] for i in range(0, 36, 4) for j in range(2, 38, 5) if i != j])
-    off = 0.5 * rng.normal(size=len(ends))
-    found = of_block(blocks.taped(noisy_block, ends, sigma=0.1, off=off))
-    tapes = component(found, "distances")
-    assert tapes.n == len(ends)
-    assert 0.5 * tapes.n < tapes.effective <= tapes.redundancy < tapes.n
-    assert tapes.factor == pytest.approx(5.0, rel=4 / np.sqrt(2 * tapes.effective))
-    assert tapes.is_significant
-    block = mounting.scaled(
-        blocks.taped(noisy_block, ends, sigma=0.1, off=off), {"distances": tapes.factor}
-    )
-    after = component(of_block(block, applied={"distances": tapes.factor}), "distances")
-    assert not after.is_significant
-    assert after.factor == pytest.approx(tapes.factor, rel=0.1)
 
 
 def test_a_correlated_group_is_judged_by_all_its_weights():

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4book.notebooks import simulated as notebooks_simulated
 from acx4book.planning import plan as plans
+from acx4book.planning.flown import simulate
 from acx4sim import files
 from acx4sim.plan import Options
 
@@ -173,7 +173,7 @@ CHECKED_INSIDE = {"mounting held": ("P01", "P05", "P09")}
 def write(name: str, folder: Path) -> Path:
     """Write one of the flights below a folder; it does not say that it is simulated."""
     plan = plans.from_values(_plans()[name])
-    flown = notebooks_simulated.simulate(plan, seed=4, options=Options())
+    flown = simulate(plan, seed=4, options=Options())
     path = folder / re.sub(r"\W+", "-", name)
     files.write(flown, path)
     if name in CHECKED_INSIDE:

@@ -50,7 +50,6 @@ GROUPS = {
     "control_point": "Control points",
     "gnss": "GNSS positions",
     "attitude": "Attitudes",
-    "distance": "Distances",
     "lever_arm": "Declared lever arm",
     "boresight": "Declared boresight",
     "interior": "Declared interior orientation",

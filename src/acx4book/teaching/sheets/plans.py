@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4book.notebooks import simulated
 from acx4book.planning import design as designs
 from acx4book.planning import plan as plans
-from acx4book.planning.flown import flying_time_s
+from acx4book.planning.flown import flying_time_s, simulate
 from acx4book.planning.plan import TURN_S, Plan
 from acx4book.planning.tables import unknowns
 from acx4book.teaching import flights
@@ -184,7 +183,7 @@ def _fly_planning(truth: int, errors: int, title: str) -> SimulatedFlight:
     """Fly the cheapest strips that give what the student wants, with the student's seed."""
     plan, seed = _plan(truth, title), errors % 1_000_000
     wanted = _wanted(truth, plan)
-    flight = simulated.simulate(_cheapest(plan, wanted), seed=seed, options=Options())
+    flight = simulate(_cheapest(plan, wanted), seed=seed, options=Options())
     values = {**plan.values, "name": ""}  # noqa: PD011 no frame's
     origin = {SEED: seed, PLAN: values, WANTED: wanted.to_dict()}
     return replace(flight, truth={**flight.truth, "name": "lab", **origin})

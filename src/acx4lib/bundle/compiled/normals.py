@@ -84,8 +84,6 @@ class NetworkNormals:
         Number of points of the block, measured or not.
     others : sequence of Equations
         The observations that are no image points; a unit depends on one pose at most.
-    joined : Joined, optional
-        Points that some of these join to others.
     room : ndarray, optional
         Memory for the band: new memory takes longer than to fill it.
     """
@@ -99,7 +97,6 @@ class NetworkNormals:
     sigma_px: Array
     n_points: int
     others: Sequence[Equations]
-    joined: Joined | None = None
     room: Array | None = None
 
     # --- assembled ---------------------------------------------------------------------------
@@ -172,8 +169,6 @@ class NetworkNormals:
         for e in self.others:
             if e.A.shape[2]:
                 _add(system, e, place)
-        if self.joined:
-            self.joined.reduce(system, place)
         held = order[m:] < 0
         if held.any():
             system.hold(held)
@@ -220,23 +215,14 @@ class NetworkNormals:
         dx = self._ordered_step[places(self._order)]
         border, poses = gather(dx, self.border).ravel(), gather(dx, self.pose_columns)
         along = camera_steps(self.hanging, border, poses)
-        dp, scene = np.zeros((self.n_points, 3)), self._pulled(dx)
+        dp = np.zeros((self.n_points, 3))
 
         def work(first: int, last: int) -> None:
             room = self._room(first, last)
-            elimination.move_points(packed.rays, scene, first, last, room, along, dp)
+            elimination.move_points(packed.rays, self.scene, first, last, room, along, dp)
 
         _in_parts(packed, work)
         return dx, dp
-
-    def _pulled(self, dx: Array) -> Scene:
-        """Return the scene with what the steps of joining unknowns add to the points' sides."""
-        if self.joined is None:
-            return self.scene
-        h, number = self.scene.h.copy(), np.full(self.n_points, -1)
-        number[self.packed.rays.point] = self.packed.rays.also
-        h[number[self.joined.points]] += self.joined.pulled(dx)
-        return self.scene._replace(h=h)
 
     def first_rows(self, n: int) -> tuple[Array, Array]:
         """Return the first n rows of the matrix, and the right side, points eliminated."""
@@ -277,8 +263,7 @@ class NetworkNormals:
             elimination.precision(packed.rays, self.scene, first, last, room, cov, tests)
 
         _in_parts(packed, work)
-        coupled = self.joined.test(inverse, tests) if self.joined else np.zeros((0, 1))
-        groups = [_tested(e, inverse, tests.cov_points, coupled) for e in self.others]
+        groups = [_tested(e, inverse, tests.cov_points) for e in self.others]
         return Precision(
             inverse=inverse,
             cov_points=tests.cov_points,
@@ -351,8 +336,8 @@ def _padded(part: BorderedCovariance, border: Index) -> BorderedCovariance:
     return BorderedCovariance(P=part.P, C=C, D=D)
 
 
-def _tested(e: Equations, inverse: Inverse, cov_points: Array, coupled: Array) -> Group:
-    """Return the group of observations of points or columns; if of both, with their coupling."""
+def _tested(e: Equations, inverse: Inverse, cov_points: Array) -> Group:
+    """Return the group of observations of points or of columns."""
     if e.correlation is not None:
         return e.tested(of_pairs(e, inverse))
     explained = np.zeros_like(e.v)
@@ -361,159 +346,7 @@ def _tested(e: Equations, inverse: Inverse, cov_points: Array, coupled: Array) -
     if e.A.shape[2]:
         cov = held_at_zero(inverse, e.columns[:, :, None], e.columns[:, None, :])
         explained += np.sum((e.A @ cov[e.unit]) * e.A, axis=2)
-    if e.B is not None and e.A.shape[2]:
-        explained += coupled
     return e.tested(explained)
-
-
-# --- points that distances join to others -----------------------------------------------------
-#
-# A distance has two points. Its two halves, `observations.distance_equations`, have one each, and
-# an unknown of the border that joins them. The compiled passes do not know such unknowns; here the
-# few points that have some are treated in the way of `normal_equations.PlainNormals`.
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Point:
-    """A joined point: what connects it with the columns of its rays and of its distances.
-
-    Attributes
-    ----------
-    columns : ndarray, shape (c,)
-    is_joint : ndarray of bool, shape (c,)
-        Which of them are joining unknowns.
-    strip : ndarray, shape (3, c)
-        B^T P A.
-    V_inv, h : ndarray, shapes (3, 3) and (3,)
-        Inverse of its damped normal matrix, and its right side.
-    rays, halves : tuple of ndarray
-        Rows of its rays and halves of distances, and derivatives by the columns and the point.
-    """
-
-    columns: Index
-    is_joint: Mask
-    strip: Array
-    V_inv: Array
-    h: Array
-    rays: tuple[Index, Array]
-    halves: tuple[Index, Array]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Joined:
-    """The free points with an unknown that joins them to others.
-
-    Attributes
-    ----------
-    points : ndarray, shape (k,)
-        Their numbers in the block.
-    rows, halves : ndarray, shape (n,) and (h,)
-        Their rays among the image points of the network, and their halves of distances.
-    n_halves : int
-        Number of all halves: a point without error has no others.
-    equations : sequence of Equations
-        These rays first, these halves last, between them what else observes these points; points
-        are numbered from zero.
-    joints : ndarray, shape (j,)
-        Columns of the unknowns that join them.
-    damping : float
-    """
-
-    points: Index
-    rows: Index
-    halves: Index
-    n_halves: int
-    equations: Sequence[Equations]
-    joints: Index
-    damping: float
-
-    @cached_property
-    def _each(self) -> list[_Point]:
-        V, h = point_normals(np.ones(len(self.points), dtype=bool), self.equations)
-        V_inv = np.linalg.inv(V + self.damping * (V * np.eye(3)))
-        rays, halves = self.equations[0], self.equations[-1]
-        out = []
-        for p in range(len(self.points)):
-            own = [(e, np.flatnonzero(e.point == p)) for e in (rays, halves)]
-            columns = np.unique(np.concatenate([e.columns[e.unit[i]].ravel() for e, i in own]))
-            columns = columns[columns >= 0]
-            parts = [(e, i, _scattered(e, i, columns)) for e, i in own]
-            strip = sum(
-                np.einsum("mdi,mdc->ic", J[:, :, -3:] / e.sigma[i][:, :, None] ** 2, J[:, :, :-3])
-                for e, i, J in parts
-            )
-            out.append(
-                _Point(
-                    columns=columns,
-                    is_joint=np.isin(columns, self.joints),
-                    strip=np.asarray(strip),
-                    V_inv=V_inv[p],
-                    h=h[p],
-                    rays=(own[0][1], parts[0][2]),
-                    halves=(own[1][1], parts[1][2]),
-                )
-            )
-        return out
-
-    def reduce(self, system: Bordered, place: Index) -> None:
-        """Take off the elimination's part that belongs to the joining unknowns.
-
-        Parameters
-        ----------
-        system : Bordered
-            Normal equations of which the points are eliminated but for this part.
-        place : ndarray, shape (n_columns + 1,)
-            Where the unknowns stand in it, -1 for one that is held.
-        """
-        m = len(system.D)
-        for one in self._each:
-            at, own = place[one.columns], one.strip[:, one.is_joint]
-            rows, N = at[one.is_joint], own.T @ one.V_inv @ one.strip
-            near, far = ~one.is_joint & (at < m), at >= m
-            system.D[np.ix_(rows, rows)] -= N[:, one.is_joint]
-            system.D[np.ix_(rows, at[near])] -= N[:, near]
-            system.D[np.ix_(at[near], rows)] -= N[:, near].T
-            system.C[np.ix_(rows, at[far] - m)] -= N[:, far]
-            system.g[rows] -= own.T @ one.V_inv @ one.h
-
-    def pulled(self, dx: Array) -> Array:
-        """Return what the steps of the joining unknowns add to the points' right sides, (k, 3)."""
-        return np.array(
-            [one.strip[:, one.is_joint] @ dx[one.columns[one.is_joint]] for one in self._each]
-        )
-
-    def test(self, inverse: Inverse, out: Tests) -> Array:
-        """Fill in the points' covariances and the redundancy numbers of their rays.
-
-        Returns
-        -------
-        ndarray, shape (n_halves, 1)
-            What the covariances of points and joining unknowns add to the variances of the
-            adjusted halves of the distances.
-        """
-        sigma, coupled = self.equations[0].sigma, np.zeros((self.n_halves, 1))
-        for point, one in zip(self.points, self._each, strict=True):
-            gain = one.V_inv @ one.strip
-            Q = held_at_zero(inverse, one.columns[:, None], one.columns)
-            cross = -gain @ Q
-            cov = out.cov_points[point] = one.V_inv - cross @ gain.T
-            rows, J = one.rays
-            explained = np.sum((J @ np.block([[Q, cross.T], [cross, cov]])) * J, axis=2)
-            out.redundancy[self.rows[rows]] = 1 - explained / sigma[rows] ** 2
-            rows, J = one.halves
-            coupled[self.halves[rows]] = 2 * np.sum((J[:, :, -3:] @ cross) * J[:, :, :-3], axis=2)
-        return coupled
-
-
-def _scattered(e: Equations, rows: Index, columns: Index) -> Array:
-    """Return derivatives by some columns and by the point, shape (rows, d, len(columns) + 3)."""
-    n, d = len(rows), e.v.shape[1]
-    out = np.zeros((n, d, len(columns) + 4))  # the last one collects what is held
-    at = np.where(e.columns < 0, len(columns) + 3, np.searchsorted(columns, e.columns))
-    into = np.broadcast_to(at[e.unit[rows]][:, None], (n, d, at.shape[1]))
-    np.put_along_axis(out, into, e.A[rows], axis=2)
-    out[:, :, len(columns) : -1] = 0.0 if e.B is None else e.B[rows]
-    return out[:, :, :-1]
 
 
 def by_points(points: Index, others: Sequence[Equations]) -> tuple[Array, Array]:

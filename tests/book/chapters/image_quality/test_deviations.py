@@ -1,13 +1,11 @@
 """Points of a synthetic image against an ideal one, and what calibrating it by itself takes up."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy import ndimage
 
-from acx4book.chapters.image_quality import deviations
+from acx4book.chapters.image_quality import deviations, figures
 from acx4book.chapters.image_quality import examined as images
 from acx4book.chapters.image_quality.deviations import (
     LENS,
@@ -26,6 +24,7 @@ from acx4book.chapters.image_quality.examined import (
     errors_of,
     examine_all,
     frame_deviations,
+    geometry_errors,
     measured_ties,
 )
 from acx4book.paper import printed
@@ -215,13 +214,25 @@ def blend(depth):
 
 
 @pytest.fixture(scope="module")
-def true_image(exposure, response):
-    return examine_all(exposure, {"true": exposure.orientation}, response)["true"]
+def heads(exposure, wrong):
+    """The true heads, wrong ones, and these refined in every way by what their pictures show."""
+    ties = measured_ties(exposure, wrong)
+    return {"true": exposure.orientation, **every_refinement(wrong, ties)}
 
 
 @pytest.fixture(scope="module")
-def wrong_image(exposure, response, wrong):
-    return examine_all(exposure, {"wrong": wrong}, response)["wrong"]
+def examined(exposure, response, heads):
+    return examine_all(exposure, heads, response)
+
+
+@pytest.fixture(scope="module")
+def true_image(examined):
+    return examined["true"]
+
+
+@pytest.fixture(scope="module")
+def wrong_image(examined):
+    return examined["before"]
 
 
 # --- pixels ----------------------------------------------------------------------------------
@@ -264,42 +275,26 @@ def test_the_parallax_of_the_true_heads_is_that_of_their_bases_over_the_relief(e
     assert shift.max() > 0.5 * largest.max()
 
 
-def test_self_calibration_of_a_right_image_finds_no_lens(true_image):
-    fit = true_image.fits["calibrated"]
-    assert images.largest_radial(fit) < 0.5  # 475 points of 0.13 px
-    before, after = (residuals_px(true_image.fits[step]) for step in ("oriented", "calibrated"))
-    # five parameters of a thousand observations
-    assert_allclose(images.rms_of_coordinates(after), images.rms_of_coordinates(before), rtol=0.02)
-
-
-def test_tie_points_of_the_pictures_repair_a_calibration(exposure, wrong):
-    ties = measured_ties(exposure, wrong)
-    every = {
-        "true": exposure.orientation,
-        **every_refinement(wrong, ties),
-    }
+def test_tie_points_of_the_pictures_repair_a_calibration(exposure, wrong, heads):
     found = {
-        name: errors_of(frame_deviations(one, exposure), exposure) for name, one in every.items()
+        name: errors_of(frame_deviations(one, exposure), exposure) for name, one in heads.items()
     }
     assert found["true"]["largest_px"] < 1e-9
     assert found["rotations"]["oriented_px"] < 0.2 * found["before"]["oriented_px"]
     assert found["rotations"]["oriented_px"] < found["mean shift"]["oriented_px"]
-    assert_allclose(every["mean shift"].xyz_mm[0], wrong.xyz_mm[0])
-    assert_allclose(every["rotations"].xyz_mm, wrong.xyz_mm)
+    assert_allclose(heads["mean shift"].xyz_mm[0], wrong.xyz_mm[0])
+    assert_allclose(heads["rotations"].xyz_mm, wrong.xyz_mm)
+
+
+def test_the_ways_are_tabled_with_pixels_beside_geometry(exposure, heads, examined):
+    table = figures.way_table(examined, geometry_errors(exposure, heads))
+    for column, least in (("RMS (px)", 1.0), ("Oriented (px)", 0.5), ("Calibrated (px)", 0.5)):
+        pixels, exact = table.loc["as calibrated", column]
+        assert exact > least
+        assert pixels == pytest.approx(exact, rel=0.03)
 
 
 # --- geometry --------------------------------------------------------------------------------
-
-
-def test_heads_that_are_shifted_shift_the_image_and_an_orientation_takes_it_up(exposure):
-    xyz = exposure.orientation.xyz_mm + np.array([0.0056, 0.0112, 0.0])
-    shifted = replace(exposure.orientation, xyz_mm=xyz)
-    off = frame_deviations(shifted, exposure)
-    # x goes right as columns do, y goes up and rows go down
-    assert_allclose(off.d_px, np.tile([1.0, -2.0], (len(off), 1)), atol=1e-9)
-    found = errors_of(off, exposure)
-    assert_allclose(found["rms_px"], np.sqrt(5 / 2), rtol=1e-9)
-    assert found["oriented_px"] < 0.05  # a motion of the camera moves hills otherwise than plains
 
 
 def test_drawn_errors_have_the_size_of_table_1s_sigma(exposure):

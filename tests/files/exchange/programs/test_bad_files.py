@@ -91,11 +91,8 @@ AUTOCAL = "Ori-A/AutoCal_C.xml"
 GLTF = "points/sparse.gltf"
 CALIB = "MMVII-PhgrProj/Ori/A/Calib-PerspCentral-C.xml"
 POSE = "MMVII-PhgrProj/Ori/A/Ori-PerspCentral-a.JPG.xml"
-MES_IM = "MMVII-PhgrProj/PointsMeasure/S/MesIm-a.JPG.xml"
-MES_GCP = "MMVII-PhgrProj/PointsMeasure/S/MesGCP-S.xml"
 PARAMS = "p_calibrated_camera_parameters.txt"
 EXTERNAL = "p_calibrated_external_camera_parameters.txt"
-FISHEYE = "<ModUnif><TypeModele>eModele_FishEye_10_5_5</TypeModele>{}</ModUnif>"
 
 ROWS = [
     ("colmap", "cameras.txt", "OPENCV", "EQUIRECTANGULAR", "cameras.txt:2: camera: lens model 'EQ"),

@@ -168,12 +168,6 @@ def test_no_file_outside_the_project_is_opened(tmp_path, path):
         reading.read(project)
 
 
-def without(path, pattern):
-    """Take out all elements that a pattern finds."""
-    path.write_text(re.sub(pattern, "", path.read_text(), flags=re.DOTALL))
-    return path
-
-
 def test_local_coordinates_are_those_of_a_flight_on_no_map(tmp_path):
     """Measured angles count from y; the chunk's own orientations have no sigma."""
     path = metashape.write(tmp_path / "c.xml", wkt=LOCAL)

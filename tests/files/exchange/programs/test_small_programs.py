@@ -16,7 +16,6 @@ from support.projects import scene
 
 
 IDEAL = np.array([[0.0, 0.0], [0.4, -0.3], [-0.45, 0.35], [0.1, 0.2]])
-ORI, POINTS = "MMVII-PhgrProj/Ori/A", "MMVII-PhgrProj/PointsMeasure/S"
 
 
 @pytest.mark.parametrize("projection", written_micmac.MMVII_DISTANCES)

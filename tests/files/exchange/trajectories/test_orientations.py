@@ -528,12 +528,6 @@ def test_commas_that_may_set_thousands_apart_are_refused(text, cell):
         found.numbers("east")
 
 
-SITE = (
-    "CHANTIER : PARIS - 2015\nDATE : 12/06/2015\nSYSTEME : LAMBERT 93\n\n"
-    "NOM X Y OMEGA\nA 1.0 2.0 0.5\nB 3.0 4.0 0.6\n"
-)
-
-
 @pytest.mark.parametrize("row", ["A nan nan 1", "A 1,5 2,5 1", "A - - 1", "A *** 2.0 1"])
 def test_a_first_row_of_spoilt_numbers_is_no_heading(row):
     with pytest.raises(FlightError, match=r"a.txt:1"):

@@ -17,7 +17,6 @@ from acx4lib.least_squares.adjustment import of_points
 from acx4lib.least_squares.covariance import GaussMarkov
 from acx4lib.least_squares.normal_equations import PlainNormals, point_normals
 from acx4lib.least_squares.reduced_system import BandedInverse
-from support import blocks
 from support.flights.simulated import read_back
 
 
@@ -330,67 +329,11 @@ def test_only_pairs_of_images_that_share_points_are_numbered():
     ]
 
 
-# --- points that distances join: compiled against plain, in every kind of bundle -------------
-
-
-ENDS = np.array([[12, 20], [20, 30], [3, 40], [0, 1], [14, 45], [5, 33], [12, 20]])
-"""Two tie points, one of them twice; tie and control; control alone, one or both error-free."""
-
-
-@pytest.fixture(scope="module")
-def block(noisy_block):
+def test_observations_of_some_points_are_those_of_all(noisy_block):
     sigma_m = noisy_block.control.sigma_m.copy()
     sigma_m[[1, 5]] = 0.0
-    held = replace(noisy_block, control=replace(noisy_block.control, sigma_m=sigma_m))
-    off = 0.01 * np.random.default_rng(3).normal(size=len(ENDS))
-    return blocks.taped(held, ENDS, sigma=0.01, off=off)
-
-
-def held(net):
-    return adjust.with_held_poses(net, net.pose_names[:2], net.start.T_m_b[:2])
-
-
-NETWORKS_JOINED = {
-    "mounted": lambda b: adjust.mounted_orientation(b, free=("f", "xp", "yp")),
-    "free": lambda b: adjust.free_orientation(b, free=("f", "k1")),
-    "held poses": lambda b: held(adjust.free_orientation(b, free=("f",))),
-    "nothing but poses": lambda b: adjust.mounted_orientation(b, free=(), free_mount=()),
-}
-
-
-@pytest.mark.parametrize("name", NETWORKS_JOINED)
-@pytest.mark.parametrize("damping", [0.0, 0.1])
-def test_a_step_is_the_plain_one_of_joined(block, name, damping, form, plain):
-    net = NETWORKS_JOINED[name](block)
-    found, expected = net.normals(net.start, damping), plain(net, net.start, damping)
-    assert isinstance(found, normals.NetworkNormals)
-    assert len(net.distances) == len(ENDS)
-    assert found.cost == pytest.approx(expected.cost, rel=1e-12)
-    assert found.n_observations == expected.n_observations
-    (dx, dp), (dx_0, dp_0) = found.step(), expected.step()
-    assert_allclose(dx, dx_0, atol=1e-9 * np.abs(dx_0).max())
-    assert_allclose(dp, dp_0, atol=1e-9 * np.abs(dp_0).max())
-    assert found.promised == pytest.approx(expected.promised, rel=1e-9)
-
-
-@pytest.mark.parametrize("name", NETWORKS_JOINED)
-def test_covariances_and_tests_are_the_plain_ones_of_joined(block, name, form, plain):
-    net = NETWORKS_JOINED[name](block)
-    state, _ = adjustment.solve(net, net.start)
-    found, expected = net.normals(state).precision(), plain(net, state).precision()
-    sigma = np.sqrt(np.diag(expected.inverse.dense))
-    scale = np.outer(sigma, sigma)
-    assert_allclose(found.inverse.dense / scale, expected.inverse.dense / scale, atol=1e-9)
-    sigma = np.sqrt(np.maximum(np.einsum("pii->pi", expected.cov_points), 1e-30))
-    scale = sigma[:, :, None] * sigma[:, None, :]
-    assert_allclose(found.cov_points / scale, expected.cov_points / scale, atol=1e-9)
-    for group, oracle in zip(found.groups, expected.groups, strict=True):
-        assert group.kind == oracle.kind
-        assert_allclose(group.redundancy, oracle.redundancy, atol=1e-9)
-
-
-def test_observations_of_some_points_are_those_of_all(block):
-    net = NETWORKS_JOINED["free"](block)
+    block = replace(noisy_block, control=replace(noisy_block.control, sigma_m=sigma_m))
+    net = adjust.free_orientation(block, free=("f", "k1"))
     equations = [e for e in net.equations(net.start)[1:] if e.B is not None]
     points = net.observed_points
     V, h = point_normals(np.ones(net.n_points, dtype=bool), equations)
