@@ -9,9 +9,6 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import NoReturn
 
-INTERRUPTED = 128 + signal.SIGINT
-"""Exit status of an interrupted command."""
-
 COMMAND = ("click", "cv2", "imagecodecs", "rich", "tifffile", "typer")
 """Modules of the extra ``command``."""
 
@@ -26,7 +23,7 @@ def main() -> NoReturn:
         cure = "pip install 'acx4lib[command]'"
         sys.exit(_said(f"acx4 needs {error.name}, not installed here: {cure}", 2))
     except KeyboardInterrupt:
-        sys.exit(_said("interrupted", INTERRUPTED))
+        sys.exit(_said("interrupted", 128 + signal.SIGINT))
     acx4.main()
 
 

@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from acx4book.command.start import INTERRUPTED
 from acx4book.typesetting.plain_text import shown
 from acx4lib.errors import Acx4Error, FlightError, OutputError, unsolvable
 
@@ -62,7 +61,7 @@ BOOK = (
 NOBODY_READS = 128 + 13  # SIGPIPE
 """Exit status, without a message, of a command with output that nobody reads to its end."""
 
-TERMINATED = 128 + signal.SIGTERM
+INTERRUPTED, TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM
 ENDED: dict[object, str] = {INTERRUPTED: "interrupted", TERMINATED: "terminated"}
 """Exit statuses of a command that was stopped from outside, and what is said."""
 
