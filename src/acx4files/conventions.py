@@ -474,12 +474,12 @@ def contradictions(
         for k in wrong:
             some = _some(seen, np.flatnonzero(seen.camera_idx == k))
             case = _case(block, trajectory, some, enh[seen.points])
-            found = _explained(block, case, _turned_cameras(case), files, mine[k], only=k)
+            found = _explained(block, _turned_cameras(case), files, mine[k], only=k)
             camera = block.cameras[k].name
             yield found._replace(table="mount", column="mount_kappa_deg", camera=camera)
     elif _upper(ratio, MOST) > 1:
         case = _case(block, trajectory, _some(seen, np.arange(len(seen))), enh[seen.points])
-        found = _explained(block, case, _mistakes(case), files, ratio)
+        found = _explained(block, _mistakes(case), files, ratio)
         if found.table or _upper(ratio, 0.5) > 1:
             yield found if found.table else found._replace(table="control_points")
 
@@ -502,7 +502,6 @@ def _upper(values: Array, quantile: float) -> float:
 
 def _explained(
     block: Block,
-    case: _Case,
     tried: Iterator[Reading],
     files: Mapping[str, str],
     ratio: Array,

@@ -81,6 +81,7 @@ def edit_summary(folder, key, **values):
     summary = json.loads((folder / "summary.json").read_text())
     summary[key].update(values)
     (folder / "summary.json").write_text(json.dumps(summary))
+    stamp(folder)
 
 
 def state(folder_or_run, question):

@@ -157,10 +157,11 @@ app.command(help=planning.SIMULATE_HELP)(planning.simulate)
 
 
 @app.command(
-    help="""Write the calibration report of a run: one page of HTML, and a PDF/A.
+    help="""Write the calibration report of a run.
 
-It is made from the results folder alone, and begins as a certificate, with what the table
-[certificate] of flight.toml states. A file .json beside it has the same values for machines.
+It is one page of HTML, with --pdf a PDF/A as well, made from the results folder alone, and begins
+as a certificate, with what the table [certificate] of flight.toml states. A file .json beside it
+has the same values for machines.
 
 \b
 Examples:

@@ -456,7 +456,7 @@ def _window(
 ) -> Raster:
     top, bottom, left, right = WINDOW
     bands = np.empty((synthetic.height_px, synthetic.width_px, len(pixels)), np.uint16)
-    stacked(render_plan(orientation, synthetic), pixels, None)(bands, 0)
+    stacked(render_plan(orientation, synthetic), pixels)(bands, 0)
     names = [head.name for head in orientation.heads]
     part: Raster = bands[top:bottom, left:right][..., [names.index(name) for name in COMPOSITE]]
     return part

@@ -697,7 +697,7 @@ def stack(*, folder: str = "") -> Figure | None:
     shape = rig.synthetic.height_px, rig.synthetic.width_px, len(rig.images)
     bands = np.empty(shape, np.uint16)
     plan = render_plan(rig.fits["rotations"].orientation, rig.synthetic)
-    stacked(plan, rig.images, None)(bands, 0)
+    stacked(plan, rig.images)(bands, 0)
     with style.applied():
         fig, axes = style.subplots(1, 2, figsize=(style.WIDTH, 2.9))
         for ax, (title, names) in zip(axes, COMPOSITES.items(), strict=True):

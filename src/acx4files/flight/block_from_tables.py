@@ -46,13 +46,11 @@ class BlockTables:
     image_points: Table
     trajectory: Table
     control: Table
-    distances: Table | None = None
 
     @property
     def tables(self) -> tuple[Table, ...]:
         """All tables of the block."""
-        always = (self.images, self.image_points, self.trajectory, self.control)
-        return always if self.distances is None else (*always, self.distances)
+        return (self.images, self.image_points, self.trajectory, self.control)
 
     @property
     def problems(self) -> tuple[Problem, ...]:
@@ -95,10 +93,6 @@ def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
         )
         for path in (*(folder / name / f"{table}.csv" for table in TABLES), control)
     )
-    path = folder / name / "distances.csv"
-    distances = None
-    if os.path.lexists(path):
-        distances = read_columns(path, str(path), SCHEMAS[path.name], needed_by="a flight")
     return BlockTables(
         name=name,
         pictures=pictures,
@@ -106,7 +100,6 @@ def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
         image_points=image_points,
         trajectory=trajectory,
         control=surveyed,
-        distances=distances,
     )
 
 
@@ -117,9 +110,8 @@ def without_points(tables: BlockTables) -> BlockTables:
     """
     lacks = {ABSENT, NO_ROWS, "is empty"}
     if not {problem.found for problem in tables.image_points.problems}.isdisjoint(lacks):
-        # distances may be between points that are still to be measured
         points = _empty("image_points", tables.image_points.file)
-        tables = replace(tables, image_points=points, distances=None)
+        tables = replace(tables, image_points=points)
     if ABSENT in {problem.found for problem in tables.control.problems}:
         control = _empty("control_points", tables.control.file)
         tables = replace(tables, control=control)

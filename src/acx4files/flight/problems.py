@@ -190,7 +190,6 @@ RANGES = {
     **dict.fromkeys(("b1", "b2"), Range(-0.5, 0.5)),
     **dict.fromkeys(("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg"), ANGLE),
     **dict.fromkeys(("lever_x_m", "lever_y_m", "lever_z_m"), Range(-100.0, 100.0)),
-    "distance_m": POSITIVE,
     "sigma_m": POSITIVE,
     "col_px": METRES,
     "row_px": METRES,

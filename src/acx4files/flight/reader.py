@@ -186,6 +186,10 @@ def read(path: str | Path, *, pictures: str | Path = "") -> Flight:
         cure = f"needs at least one of the folders {', '.join(f'{name}/' for name in BLOCKS)}"
         others.insert(0, _of_folder(folder, f"no block at all{stray}", cure))
     notes = [f"{name} is in no block and is not read" for name in strays]
+    notes += [
+        f"{table.relative_to(folder)} is not read: distances are no observations any more"
+        for table in sorted(folder.glob("*/distances.csv"))
+    ]
     return checked(toml, blocks, problems=others, notes=notes)
 
 
@@ -245,7 +249,7 @@ def read_kept(path: str | Path) -> Flight:
 
 def table_files(flight: Flight) -> list[Path]:
     """Return the files from which a flight was read, except images, relative to its folder."""
-    tables = [f"{name}.csv" for name in (*TABLES, "control_points", "distances")]
+    tables = [f"{name}.csv" for name in (*TABLES, "control_points")]
     names = [Path("flight.toml"), Path("control_points.csv")]
     names += [Path(block) / name for block in flight.blocks for name in tables]
     geoid, inside = Path(str(flight.grid.heights)), flight.path.resolve()
@@ -317,7 +321,7 @@ def _fit_problems(tables: BlockTables, setup: Setup, toml: Toml) -> Iterator[Pro
     surveyed = set(tables.control.text["point"])
     names = tables.image_points.text["point"]
     own = np.array([name in surveyed for name in names], dtype=bool)
-    tables = replace(tables, image_points=tables.image_points.select(own), distances=None)
+    tables = replace(tables, image_points=tables.image_points.select(own))
     if not own.any():
         return
     with np.errstate(all="ignore"):  # wrong positions may have no convergence
@@ -392,7 +396,7 @@ def _some(names: list[str]) -> str:
 # --- A flight from tables in memory: the columns of the files, and the same checks and sentences
 
 
-CONTROL, DISTANCES = "control_points", "distances"
+CONTROL = "control_points"
 PLACE = Path("tables in memory")
 """In the place of a flight's folder, for messages; nothing is read there."""
 
@@ -417,8 +421,8 @@ def from_tables(
     control_points : table, optional
         For all blocks without their own.
     heads, calibration, validation : mapping of str to table, optional
-        ``images``, ``image_points``, ``trajectory``; if there are some, ``distances``; if the
-        block has its own, ``control_points``. A table is a DataFrame or a dict of arrays; its
+        ``images``, ``image_points``, ``trajectory``; if the block has its own,
+        ``control_points``. A table is a DataFrame or a dict of arrays; its
         columns and units are those of the file of this name. Names may be whole numbers, a sigma
         may be infinite: not known.
 
@@ -450,7 +454,6 @@ def from_tables(
         blocks.append(BlockTables(name=name, pictures=Path(), control=control, **made))
     flight = checked(toml, blocks)
     sums = {f"{b.name}/{t}.csv": getattr(b, t).sha256 for b in blocks for t in TABLES}
-    sums |= {f"{b.name}/{DISTANCES}.csv": b.distances.sha256 for b in blocks if b.distances}
     return replace(flight, path=PLACE, pictures=PLACE, sha256=sums)
 
 
@@ -464,7 +467,7 @@ def _missing(blocks: Mapping[str, Tables], settings: object) -> Iterator[Problem
     if not blocks:
         cure = "must have one at least: heads, calibration or validation"
         yield _in_memory("flight", "blocks", "no block at all", cure)
-    known = (*TABLES, CONTROL, DISTANCES)
+    known = (*TABLES, CONTROL)
     for block, tables in blocks.items():
         if not isinstance(tables, Mapping):
             cure = f"must be a dict of the tables {', '.join(TABLES)}"
@@ -495,7 +498,7 @@ def _plain(value: Any) -> Any:
 
 def _name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
     """Yield unknown names of images, cameras, exposures and points, and unknown roles."""
-    images, measured, distances = tables.images, tables.image_points, tables.distances
+    images, measured = tables.images, tables.image_points
     if cameras := toml.table("cameras"):
         yield from _unknown(images, "camera", cameras, f"must be a camera of {toml.file}")
     row_in = "must have a row in {}"
@@ -506,28 +509,11 @@ def _name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
         if len(other) and other.whole and column in other.text:
             yield from _unknown(table, column, other.text[column], row_in.format(other.file))
     yield from _unknown(tables.control, "role", ("control", "check"), "must be control or check")
-    if distances is not None and measured.whole and measured.has("point"):
-        yield from _distance_problems(distances, measured)
     yield from _time_problems(tables, toml)
     if tables.name == "heads":
         yield from _head_problems(images, toml)
     elif toml.get("synthetic", "measured_in") == "heads":
         yield from _other_cameras(images, toml, ", since measured_in is 'heads'")
-
-
-def _distance_problems(distances: Table, measured: Table) -> Iterator[Problem]:
-    """Yield distances to unmeasured points, and distances from a point to itself."""
-    ends = {end: distances.text.get(end, ()) for end in ("point_a", "point_b")}
-    for end in ends:
-        cure = f"must be a point of {measured.file}"
-        yield from _unknown(distances, end, measured.text["point"], cure)
-    cure = "must be another point than point_a"
-    yield from counted(
-        [row for row, (a, b) in enumerate(zip(*ends.values(), strict=False)) if a == b],
-        lambda row: distances.problem(
-            row, "point_b", f"{quoted(ends['point_b'][row])} again", cure
-        ),
-    )
 
 
 def _time_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:

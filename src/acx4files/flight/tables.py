@@ -161,11 +161,6 @@ SCHEMAS = {
         ranges={**RANGES, **dict.fromkeys(SIGMA_POSITION, NOT_NEGATIVE)},
         rows=False,
     ),
-    "distances.csv": Schema(
-        required=("point_a", "point_b", "distance_m", "sigma_m"),
-        keys=(),
-        rows=False,
-    ),
 }
 
 

@@ -2,6 +2,6 @@
 
 `flight_images` goes through the exposures. `head_images` and `image_files` read and check the
 pictures of the heads, and `exposure` renders one exposure stripe by stripe into a `tiff` with its
-pyramid of overviews, here or by the workers of an executor. Begin with `flight_images`, then
+pyramid of overviews. Begin with `flight_images`, then
 `exposure`.
 """

@@ -275,12 +275,12 @@ def _valid_range(response: Response, k: int) -> list[float | None]:
 # --- A synthetic image in stripes, from top to bottom: heads blended, or stacked as its bands
 
 
-def blended(plan: RenderPlan, images: Sequence[Raster], threads: int | None) -> Fill:
+def blended(plan: RenderPlan, images: Sequence[Raster], threads: int | None = None) -> Fill:
     """Return a function that fills stripes with the blended image of all heads."""
     return lambda out, start: render_into(out, plan, images, start, threads)
 
 
-def stacked(plan: RenderPlan, images: Sequence[Raster], threads: int | None) -> Fill:
+def stacked(plan: RenderPlan, images: Sequence[Raster], threads: int | None = None) -> Fill:
     """Return a function that fills stripes with the bands of all heads, head after head."""
     head_plans = [replace(plan, maps=(head,), feather_px=0.0) for head in plan.maps]
 

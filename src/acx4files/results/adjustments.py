@@ -30,7 +30,6 @@ from acx4lib.bundle.rejections import CRITICAL, Exchange, Stopped, sentence
 from acx4lib.bundle.variance_components import (
     BOUNDS,
     Component,
-    SigmaTest,
     as_json,
     components,
     sentences,
@@ -200,7 +199,10 @@ def of_bundle(
         "not_determined": unknown,
         "left_out": unknown if method in OPTIONAL else [],
         "sigma_factors": as_json(sigma_components),
-        "sigma_tests": _tests_as_json(sigma_tests(bundle)),
+        "sigma_tests": {
+            test.group: {k: v for k, v in asdict(test).items() if k != "group"}
+            for test in sigma_tests(bundle)
+        },
         "sigma_beyond": [f"{key}: {line}" for line in _beyond(judged)],
         "height_scale_error": _height_scale(bundle) - 1,
         "height_scale_sigma": _focal_sigma(calibrated),
@@ -223,33 +225,18 @@ def with_held(record: Record, tested: Held) -> Record:
     """
     columns = (tested.value, tested.estimate, tested.sigma, tested.reduction, tested.p)
     names = ("value", "estimate", "sigma", "cost", "p")
-    held_values = {
-        name: {
-            **dict(zip(names, map(float, row), strict=True)),
-            "moves": {
-                estimate: float(move)
-                for estimate, move in zip(tested.estimates, moves, strict=True)
-                if abs(move) >= ONE_SIGMA
-            },
-        }
-        for name, moves, *row in zip(tested.names, tested.moves, *columns, strict=True)
-    }
-    entries: dict[str, object] = {
-        "held": held_values,
-        "held_p": tested.joint[2],
-        "held_rejected": list(tested.rejected),
-    }
+    values: dict[str, dict[str, object]] = {}
+    for name, moves, *row in zip(tested.names, tested.moves, *columns, strict=True):
+        pairs = zip(tested.estimates, map(float, moves), strict=True)
+        values[name] = {**dict(zip(names, map(float, row), strict=True))}
+        values[name]["moves"] = {of: move for of, move in pairs if abs(move) >= ONE_SIGMA}
+    entries = {"held": values, "held_p": tested.joint[2], "held_rejected": list(tested.rejected)}
     return replace(record, summary={k: {**of, **entries} for k, of in record.summary.items()})
 
 
 def _turns_entry(turns: Array | None) -> dict[str, object]:
     """Return the entry of summary.json on picture turns; empty without any."""
     return {} if turns is None else {"picture_turns_deg": np.degrees(turns).tolist()}
-
-
-def _tests_as_json(tests: Sequence[SigmaTest]) -> dict[str, dict[str, float]]:
-    """Return the tests by group, as values for JSON."""
-    return {test.group: {k: v for k, v in asdict(test).items() if k != "group"} for test in tests}
 
 
 def _beyond(sigma_components: Sequence[Component]) -> list[str]:

@@ -16,7 +16,6 @@ from acx4files.results.read_back import (
     calibrated_methods,
     read_calibration,
     read_relative_orientation,
-    refused,
     rigs_for,
 )
 from acx4lib.block import Block
@@ -78,18 +77,15 @@ class Earlier:
 
     def calibrations(self, block: Block) -> dict[str, Calibration]:
         """Return the calibrations of the cameras of a block, by method."""
-        with refused(self.run.found):
-            return {
-                method: read_calibration(
-                    self.run.found, f"mounting/{method}", self._declared(block)
-                )
-                for method in calibrated_methods(self.run.found)
-            }
+        found, cameras = self.run.found, self._declared(block)
+        return {
+            method: read_calibration(found, f"mounting/{method}", cameras)
+            for method in calibrated_methods(found)
+        }
 
     def rigs(self, block: Block) -> dict[str, Calibration]:
         """Return the calibrated rigs with all heads of a block, by method."""
-        with refused(self.run.found):
-            return rigs_for(self.run.found, self._declared(block))
+        return rigs_for(self.run.found, self._declared(block))
 
     def _declared(self, block: Block) -> list[Camera]:
         """Return the cameras of a block as the earlier flight declared them."""
@@ -98,8 +94,7 @@ class Earlier:
     def _heads(self) -> RelativeOrientation:
         run_results = self.run.found
         source = next(s for s in ORIENTED if _is_oriented(run_results, s))
-        with refused(run_results):
-            return read_relative_orientation(run_results, source, self.run.flight.cameras)
+        return read_relative_orientation(run_results, source, self.run.flight.cameras)
 
 
 def read(results_path: str | Path, flight: Flight) -> Earlier:

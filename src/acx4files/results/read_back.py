@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -21,7 +20,6 @@ from acx4lib.calibration.estimates import (
     to_reported,
     with_reported,
 )
-from acx4lib.errors import FlightError
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import INTERIOR, Camera
 from acx4lib.geometry.parameters import MOUNT, REPORTED
@@ -29,26 +27,6 @@ from acx4lib.least_squares.covariance import propagate
 
 if TYPE_CHECKING:
     from acx4lib.calibration.heads import RelativeOrientation
-
-
-@contextmanager
-def refused(found: folder.Results) -> Iterator[None]:
-    """Report tables without a usable calibration, as after changes by hand, by a FlightError.
-
-    Raises
-    ------
-    FlightError
-        In the place of KeyError and ValueError.
-    """
-    try:
-        with np.errstate(all="ignore"):  # what is not finite is refused
-            yield
-    except (KeyError, ValueError) as error:
-        reason = " ".join(str(error).split())
-        problem = (
-            f"{found.folder}: parameters.csv and covariance.csv hold no calibration ({reason})"
-        )
-        raise FlightError([f"{problem}; run all stages again"]) from None
 
 
 def read_relative_orientation(

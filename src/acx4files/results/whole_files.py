@@ -125,9 +125,9 @@ def naming(place: Path, draft: Path | None = None) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno in _FULL:
+        if error.errno in _FULL or error.errno is None:  # as numpy ends where there is no space
             free = shutil.disk_usage(place.parent).free
-            msg = f"{place}: {error.strerror}; {free / 1e6:.3g} MB are free"
+            msg = f"{place}: {error.strerror or 'No space'}; {free / 1e6:.3g} MB are free"
             raise OutputError(msg) from None
         if draft is not None and error.filename == str(draft):
             raise type(error)(error.errno, error.strerror, str(place)) from None

@@ -60,13 +60,11 @@ def run(
         Where nothing can be computed with the numbers of the block.
     """
     before = _before(flight, results_path, calibration_path)
-    block, rigs = _block(flight, before), _rigs(flight, before)
-    methods = _calibrations(flight, before, block)
-    found = _validations(flight, block, methods)
-    in_heads = _validations(flight, flight.block("validation"), rigs)
-    records = _records(flight, [*found, *in_heads], {**methods, **rigs})
-    _write(flight, results_path, records, before)
-    return ValidationStage(methods, found, in_heads)
+    found = _validations(flight, before.block, before.calibrations)
+    in_heads = _validations(flight, flight.block("validation"), before.rigs)
+    records = _records(flight, [*found, *in_heads], {**before.calibrations, **before.rigs})
+    _write(flight, results_path, records, before.earlier)
+    return ValidationStage(before.calibrations, found, in_heads)
 
 
 # --- what is validated -----------------------------------------------------------------------
@@ -80,7 +78,7 @@ def measured(flight: Flight, results_path: str | Path, calibration_path: str | P
     flight, results_path, calibration_path
         As in `run`; raises as this does, here and below.
     """
-    return _block(flight, _before(flight, results_path, calibration_path))
+    return _before(flight, results_path, calibration_path).block
 
 
 def calibrations(
@@ -93,8 +91,7 @@ def calibrations(
     flight, results_path, calibration_path
         As in `run`.
     """
-    before = _before(flight, results_path, calibration_path)
-    return _calibrations(flight, before, _block(flight, before))
+    return ByName(_before(flight, results_path, calibration_path).calibrations)
 
 
 def calibrated_rigs(
@@ -107,7 +104,7 @@ def calibrated_rigs(
     flight, results_path, calibration_path
         As in `run`.
     """
-    return _rigs(flight, _before(flight, results_path, calibration_path))
+    return ByName(_before(flight, results_path, calibration_path).rigs)
 
 
 def whose(flight: Flight, calibration_path: str | Path) -> str:
@@ -115,38 +112,30 @@ def whose(flight: Flight, calibration_path: str | Path) -> str:
     return earlier.read(calibration_path, flight).sentence if str(calibration_path) else ""
 
 
-def _before(
-    flight: Flight, results_path: str | Path, calibration_path: str | Path
-) -> Earlier | folder.Results:
+class _Before(NamedTuple):
+    """What is validated: by this flight's own stages, or by an earlier flight's."""
+
+    block: Block
+    calibrations: Mapping[str, Calibration]
+    rigs: Mapping[str, Calibration]
+    earlier: Earlier | None = None
+
+
+def _before(flight: Flight, results_path: str | Path, calibration_path: str | Path) -> _Before:
     """Read the results of the previous stages, or those of an earlier flight."""
+    in_heads = "validation" in flight.transferred
+    heads = flight.block("validation")
     if str(calibration_path):
-        return earlier.read(calibration_path, flight)
-    needed = {"synthetic": "validation" in flight.transferred, "mounting": bool(flight.calibration)}
+        given = earlier.read(calibration_path, flight)
+        block = given.block(flight)
+        rigs = given.rigs(heads) if in_heads else {}
+        return _Before(block, given.calibrations(block), rigs, given)
+    needed = {"synthetic": in_heads, "mounting": bool(flight.calibration)}
     stages = [stage for stage, is_needed in needed.items() if is_needed]
-    return provenance.results_before(results_path, stages, flight)
-
-
-def _block(flight: Flight, before: Earlier | folder.Results) -> Block:
-    if isinstance(before, Earlier):
-        return before.block(flight)
-    return mounted_block(flight, "validation", before)
-
-
-def _calibrations(
-    flight: Flight, before: Earlier | folder.Results, block: Block
-) -> ByName[Calibration]:
-    if isinstance(before, Earlier):
-        return ByName(before.calibrations(block))
-    return ByName(read_back.calibrations_for(flight, before, block.cameras))
-
-
-def _rigs(flight: Flight, before: Earlier | folder.Results) -> ByName[Calibration]:
-    if "validation" not in flight.transferred:
-        return ByName()
-    block = flight.block("validation")
-    if isinstance(before, Earlier):
-        return ByName(before.rigs(block))
-    return ByName(read_back.rigs_for(before, block.cameras))
+    found = provenance.results_before(results_path, stages, flight)
+    block = mounted_block(flight, "validation", found)
+    own = read_back.calibrations_for(flight, found, block.cameras)
+    return _Before(block, own, read_back.rigs_for(found, heads.cameras) if in_heads else {})
 
 
 # --- results ---------------------------------------------------------------------------------
@@ -221,11 +210,11 @@ def _write(
     flight: Flight,
     results_path: str | Path,
     records: Sequence[Record],
-    before: Earlier | folder.Results | None,
+    before: Earlier | None,
 ) -> None:
     """Write the records; the first has a note on the origin of the calibrations."""
     origin = None
-    if isinstance(before, Earlier):
+    if before is not None:
         origin = before.origin
         notes = [[f"validation: {before.sentence}"], *([] for _ in records[1:])]
         records = [

@@ -101,17 +101,9 @@ def test_a_flight_that_is_there_says_its_system(tmp_path):
     assert importing.system_of(tmp_path)["heights"] == str(tmp_path / "geoid.gtx")
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("heights = [1]\n", "flight.toml:1: heights: [1]; must be text, or an undulation"),
-        ("name = 'a'\nheights = nan\n", "flight.toml:2: heights: nan; must be an undulation"),
-        ("crs = 5\n", "flight.toml:1: crs: 5; must be text, such as EPSG:32633"),
-    ],
-)
-def test_a_system_that_can_be_none_is_refused(tmp_path, text, says):
-    (tmp_path / "flight.toml").write_text(text)
-    with pytest.raises(FlightError, match=re.escape(says)):
+def test_a_system_that_can_be_none_is_refused(tmp_path):
+    (tmp_path / "flight.toml").write_text("name = 'a'\nheights = nan\n")
+    with pytest.raises(FlightError, match=r"flight.toml:2: heights: nan; must be an undulation"):
         importing.system_of(tmp_path)
 
 

@@ -12,7 +12,7 @@ from acx4book.report.material import read
 from acx4files.results import folder as results
 from acx4files.results.table_files import COMPONENTS
 from acx4lib.bundle.rejections import noncentrality
-from support.run_results import SINGLE
+from support.run_results import SINGLE, stamp
 
 
 def test_the_ratio_of_repeated_measurements_is_their_standard_deviation(folder, rng):
@@ -30,6 +30,7 @@ def test_the_ratio_of_repeated_measurements_is_their_standard_deviation(folder, 
     summary = json.loads((folder / "summary.json").read_text())
     summary["mounting/single_step"]["n_observations"] = len(table)
     (folder / "summary.json").write_text(json.dumps(summary))
+    stamp(folder)
     (group,) = qualities(read(folder))
     assert (group.group, group.unit, group.n) == ("heading", "deg", 20)
     assert_allclose(group.ratio, heading.std(ddof=1) / 0.01, rtol=1e-12)

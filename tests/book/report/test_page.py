@@ -243,8 +243,8 @@ def test_names_are_text_on_the_page_and_in_the_pdf(run, folder):
     [
         (shutil.rmtree, "no such folder"),
         (lambda f: (f / "residuals.csv").unlink(), "not complete, without residuals.csv"),
-        (lambda f: (f / "summary.json").write_text("{}"), "no stage left results"),
-        (lambda f: (f / "summary.json").write_text("{"), "summary.json:1: file: not JSON"),
+        (lambda f: (f / "summary.json").write_text("{}"), "says nothing of the flight"),
+        (lambda f: (f / "summary.json").write_text("{"), "summary.json: is not JSON"),
         (lambda f: shutil.rmtree(f / "flight"), "not complete, without flight/flight.toml"),
         (lambda f: [p.unlink() for p in f.glob("*.*")], "no results of a run"),
     ],

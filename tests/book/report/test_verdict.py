@@ -17,6 +17,7 @@ from acx4book.report.verdict import (
     statement,
 )
 from acx4lib.least_squares.verdict import FAILS, LEVEL
+from support.run_results import stamp
 
 
 def asked(question, *p, passed="It is right."):
@@ -85,9 +86,12 @@ def test_what_fails_stands_first_in_the_table_with_its_probabilities():
 
 
 def test_where_nothing_was_adjusted_the_report_says_that_nothing_was_tested(folder):
-    (folder / "summary.json").write_text(json.dumps({"heads/none": {"converged": True}}))
+    run = json.loads((folder / "summary.json").read_text())["run"]
+    none = {"heads/none": {"converged": True}, "run": run}
+    (folder / "summary.json").write_text(json.dumps(none))
     file = folder / "check_points.csv"
     file.write_text(file.read_text().partition("\n")[0] + "\n")
+    stamp(folder)
     found = findings(read(folder))
     assert not any(f.tests for f in found)
     assert statement(found)["state"] == "untested"

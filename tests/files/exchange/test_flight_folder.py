@@ -68,18 +68,18 @@ def test_refraction_is_only_set_where_a_flight_gets_its_map(tmp_path, before, cr
     assert "standard" not in (tmp_path / "f" / "flight.toml").read_text()
 
 
-def test_a_second_import_adds_tables_and_settings(tmp_path):
+def test_a_second_import_adds_tables_and_settings_and_tells_what_it_replaces(tmp_path):
     flight_folder.write(control(settings=CAMERA), tmp_path)
     more = {"crs": "EPSG:1", "cameras": {"C 1": {"focal_mm": 9.0}, "D": {"width_px": 3}}}
-    other = ImportedFlight(
-        source="Other", sha256={}, settings=more, tables={"heads/images.csv": {"a": []}}
-    )
-    flight_folder.write(other, tmp_path)
+    one = {name: column[:1] for name, column in POINTS.items()}
+    tables = {"heads/images.csv": {"a": []}, "control_points.csv": one}
+    other = ImportedFlight(source="Other", sha256={}, settings=more, tables=tables)
+    said = flight_folder.write(other, tmp_path)
+    assert said == ("control_points.csv: 2 rows of an earlier import replaced by 1",)
     text = (tmp_path / "flight.toml").read_text()
     assert "focal_mm = 9.0" in text
     assert "[cameras.D]" in text
     assert (tmp_path / "heads" / "images.csv").read_text() == "a\n"
-    assert (tmp_path / "control_points.csv").is_file()
     said = (tmp_path / "import.md").read_text()
     assert said.startswith("# Program 1\n")
     assert "\n# Other\n" in said
@@ -163,14 +163,6 @@ def test_the_first_head_is_the_one_that_is_not_turned_in_the_rig():
     brought = flight_folder.with_synthetic(control(settings=settings, tables=images))
     assert brought.settings["synthetic"]["heads"] == ["D", "A", "B", "C"]
     assert brought.settings["cameras"]["SYN"]["focal_mm"] == 9.0
-
-
-def test_rows_that_others_take_the_place_of_are_told(tmp_path):
-    flight_folder.write(control(), tmp_path)
-    assert flight_folder.write(control(), tmp_path) == ()
-    one = {name: column[:1] for name, column in POINTS.items()}
-    said = flight_folder.write(control(tables={"control_points.csv": one}), tmp_path)
-    assert said == ("control_points.csv: 2 rows of an earlier import replaced by 1",)
 
 
 # --- A new flight names what is to be filled in, and with that is a flight
@@ -322,25 +314,22 @@ def test_a_projected_system_is_found_again_by_its_code(form):
     assert "no vertical part" in found.assumed[1]
 
 
-def test_a_geographic_system_becomes_the_zone_of_a_place():
+LOCAL = 'LOCAL_CS["Local",LOCAL_DATUM["Local Datum",0],UNIT["metre",1]]'
+
+
+def test_other_systems_become_the_flights():
+    """A geographic one the zone of a place; a vertical one stays though its grid is not here."""
     found = coordinates.chosen("EPSG:4674", AT, None)
     assert found.settings["crs"] == "EPSG:31982"
     there = found.from_source(np.array([[*AT, 900.0]]))
     to_map = pyproj.Transformer.from_crs("EPSG:4674", "EPSG:31982", always_xy=True)
     assert_allclose(there, [[*to_map.transform(*AT), 900.0]])
-    assert coordinates.chosen("EPSG:4674", None, None) is None
-
-
-def test_a_vertical_system_is_kept_even_where_its_grid_is_not_here():
     found = coordinates.chosen("EPSG:31982+5773", None, None)
     assert found.settings == {"crs": "EPSG:31982", "heights": "EPSG:5773"}
     assert found.assumed[1] == "Heights are in EGM96 height"
-
-
-def test_a_local_system_is_none():
-    text = 'LOCAL_CS["Local",LOCAL_DATUM["Local Datum",0],UNIT["metre",1]]'
-    assert coordinates.chosen(text, AT, None) is None
-    assert coordinates.chosen(text, AT, "EPSG:31982").crs == "EPSG:31982"
+    assert coordinates.chosen("EPSG:4674", None, None) is None
+    assert coordinates.chosen(LOCAL, AT, None) is None
+    assert coordinates.chosen(LOCAL, AT, "EPSG:31982").crs == "EPSG:31982"
 
 
 def test_heights_are_converted_by_undulations():
@@ -352,21 +341,17 @@ def test_heights_are_converted_by_undulations():
 
 
 @pytest.mark.parametrize(
-    ("text", "wanted", "message"),
+    ("text", "place", "wanted", "message"),
     [
-        ("EPSG:1", None, "is none that PROJ knows"),
-        ("+proj=utm +zone=22 +nadgrids=/etc/passwd", None, "may name a file"),
-        ("EPSG:31982", "EPSG:4326", "is not a projected CRS"),
-        ("EPSG:4150", AT, None),
+        ("EPSG:1", AT, None, "is none that PROJ knows"),
+        ("+proj=utm +zone=22 +nadgrids=/etc/passwd", AT, None, "may name a file"),
+        ("EPSG:31982", AT, "EPSG:4326", "is not a projected CRS"),
+        ("EPSG:4150", AT, None, "has no UTM zone that PROJ knows here"),
     ],
 )
-def test_what_cannot_be_used_is_told(text, wanted, message):
-    if message is None:
-        with pytest.raises(ValueError, match="has no UTM zone that PROJ knows here"):
-            coordinates.chosen(text, wanted, None)
-        return
+def test_what_cannot_be_used_is_told(text, place, wanted, message):
     with pytest.raises(ValueError, match=message):
-        coordinates.chosen(text, AT, wanted)
+        coordinates.chosen(text, place, wanted)
 
 
 def test_axes_are_those_of_the_system():

@@ -520,7 +520,7 @@ def test_missing_tables_and_misspelt_ones_are_told():
     tables = {"images": TABLES["images"], "image_point": 0, "trajectory": TABLES["trajectory"]}
     assert told(calibration=tables) == [
         "calibration: image_point: unknown table (did you mean 'image_points'?); must be one of "
-        "images, image_points, trajectory, control_points, distances",
+        "images, image_points, trajectory, control_points",
         "calibration: image_points: missing; required",
     ]
     assert told(calibration=TABLES["images"]) == [

@@ -9,7 +9,6 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from acx4files import flight
@@ -270,17 +269,11 @@ def test_heads_need_the_synthetic_camera_and_images_of_every_head(tmp_path):
     } <= set(problems(tmp_path / "b"))
 
 
-def test_distances_that_are_none_are_named(tmp_path):
+def test_distances_of_earlier_flights_are_said_not_to_be_read(tmp_path):
     write_flight(tmp_path)
-    name = flight.read(tmp_path).calibration.points[0]
-    rows = [[name, "nowhere", 1.0, 0.1], [name, name, 1.0, 0.1], [name, f"{name}x", -1.0, 0.0]]
-    table = pd.DataFrame(rows, columns=["point_a", "point_b", "distance_m", "sigma_m"])
-    table.to_csv(tmp_path / "calibration/distances.csv", index=False)
-    lines = "\n".join(problems(tmp_path))
-    assert "distances.csv:2: point_b: 'nowhere' is unknown" in lines
-    assert f"distances.csv:3: point_b: {name!r} again; must be another point" in lines
-    assert "distances.csv:4: distance_m: -1.0; must be positive" in lines
-    assert "distances.csv:4: sigma_m: 0.0; must be positive" in lines
+    (tmp_path / "calibration/distances.csv").write_text("point_a,point_b,distance_m,sigma_m\n")
+    said = "calibration/distances.csv is not read: distances are no observations any more"
+    assert said in flight.read(tmp_path).notes
 
 
 def test_a_fisheye_may_be_corrected_outwards_by_more_than_a_lens_inwards(tmp_path):
