@@ -76,12 +76,6 @@ HALF = 0.5
 """The middle of the top-left pixel has the coordinates 0.5, 0.5 in Metashape."""
 
 POSITIVE = Range(1e-9, 1e9, "must be positive")
-VALUES = Range(-1e9, 1e9)
-
-LARGEST = 1e9
-"""Largest coordinate of a chunk, or of the place where it lies."""
-
-SCALES = Range(1e-9, LARGEST, f"must be positive, at most {LARGEST:g}")
 
 LOCATION, ANGLES = ("x", "y", "z"), ("yaw", "pitch", "roll")
 TOGETHER = {
@@ -222,13 +216,8 @@ def read(
     FlightError
         As `project` and `flight_of`.
     """
-    return flight_of(
-        project(source, orientations=orientations, crs=crs, heights=heights),
-        orientations=orientations,
-        block=block,
-        pixel_um=pixel_um,
-        allow=allow,
-    )
+    found = project(source, orientations=orientations, crs=crs, heights=heights)
+    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um, allow=allow)
 
 
 def _cameras_alone(whole: _Chunk) -> Project:
@@ -526,7 +515,7 @@ def _pose(master: Element, R_master_c: Array, places: Mapping[str, _Place]) -> P
         return None
     values = element.numbers(16).reshape(4, 4)
     R, r = values[:3, :3], values[:3, 3]
-    if not is_rotation(R) or np.abs(r).max() > LARGEST:
+    if not is_rotation(R):
         raise element.wrong("does not turn", "must be a rotation and a place, row by row")
     R = nearest_rotation(R) @ FLIP @ R_master_c
     if place is None:
@@ -544,11 +533,8 @@ def _places(root: Element) -> dict[str, _Place]:
             continue
         R = nearest_rotation(_matrix(element.one("rotation"), 1e-4))
         scale, shift = element.maybe("scale"), element.one("translation")
-        size = 1.0 if scale is None else scale.number(allowed=SCALES)
-        r = shift.numbers(3)
-        if np.abs(r).max() > LARGEST:
-            raise shift.wrong("is too large", f"must be at most {LARGEST:g} either way")
-        places[i] = (R, r, size)
+        size = 1.0 if scale is None else scale.number(allowed=POSITIVE)
+        places[i] = (R, shift.numbers(3), size)
     return places
 
 
@@ -558,14 +544,11 @@ def _accuracy(reference: Element, names: tuple[str, str, str]) -> Array:
     An attribute names the values that it is of: ``sx``, ``sxy``, ``sxyz``, ``syaw``, ``sypr``. That
     of the fewest values counts.
     """
-    sigma = np.full(3, np.nan)
-    for k, name in enumerate(names):
-        for attribute in (f"s{name}", *TOGETHER[name]):
-            if attribute in reference.attributes:
-                value = reference.number(attribute, VALUES)
-                sigma[k] = value if value > 0 else np.nan
-                break
-    return sigma
+    sigma = []
+    for name in names:
+        given = [one for one in (f"s{name}", *TOGETHER[name]) if one in reference.attributes]
+        sigma.append(reference.number(given[0]) if given else np.nan)
+    return np.where(np.array(sigma) > 0, sigma, np.nan)
 
 
 def _three(element: Element | None, names: tuple[str, ...], *switches: str) -> Array | None:
@@ -574,7 +557,7 @@ def _three(element: Element | None, names: tuple[str, ...], *switches: str) -> A
         return None
     if not all(_is_on(element, switch) for switch in switches):
         return None
-    return np.array([element.number(name, VALUES) for name in names])
+    return np.array([element.number(name) for name in names])
 
 
 def _is_on(element: Element, switch: str = "enabled") -> bool:
@@ -625,13 +608,11 @@ def _measured(whole: _Chunk, shots: Sequence[_Shot], system: Chosen | None) -> T
     rows = [shot for shot in leaders if shot.place is not None and shot.turns is not None]
     if not rows or system is None:
         n = sum(shot.place is not None for shot in leaders)
-        why = "none has angles as well, which trajectory.csv needs"
-        if rows:
-            why = "the chunk has no coordinate system (--crs)"
-        sentence = (
-            f"{n} measured camera positions: {why}; another import, or --orientations adjusted"
-        )
-        return Trajectory(left_out=(*off, *((sentence,) if n else ())))
+        lacks = "the chunk has no coordinate system (--crs)"
+        why = lacks if rows else "none has angles as well, which trajectory.csv needs"
+        cure = "another import, or --orientations adjusted"
+        sentence = f"{n} measured camera positions: {why}; {cure}"
+        return Trajectory(left_out=(*off, sentence) if n else off)
     names, places = [shot.exposure for shot in rows], np.array([shot.place for shot in rows])
     yaw, pitch, roll = np.array([shot.turns for shot in rows]).T
     table: dict[str, object] = {}
@@ -665,18 +646,17 @@ def _measured(whole: _Chunk, shots: Sequence[_Shot], system: Chosen | None) -> T
 
 def _switched_off(leaders: Sequence[_Shot]) -> tuple[str, ...]:
     """Return sentences on measured positions and angles that are switched off."""
-    places = sum(
-        shot.place is None and _three(shot.reference, LOCATION) is not None for shot in leaders
-    )
-    angles = sum(
-        shot.turns is None and _three(shot.reference, ANGLES, "enabled") is not None
-        for shot in leaders
-    )
-    counted = (
-        (places, 'positions, with their angles, that are switched off (enabled="false")'),
-        (angles, 'attitudes that are switched off (rotation_enabled="false")'),
-    )
-    return tuple(f"{n} measured {kind}: they are not used" for n, kind in counted if n)
+    places = [shot for shot in leaders if shot.place is None]
+    turns = [shot for shot in leaders if shot.turns is None]
+    counted = {
+        'positions, with their angles, that are switched off (enabled="false")': sum(
+            _three(shot.reference, LOCATION) is not None for shot in places
+        ),
+        'attitudes that are switched off (rotation_enabled="false")': sum(
+            _three(shot.reference, ANGLES, "enabled") is not None for shot in turns
+        ),
+    }
+    return tuple(f"{n} measured {kind}: they are not used" for kind, n in counted.items() if n)
 
 
 def _sigmas(
@@ -740,7 +720,7 @@ def _located(whole: _Chunk, cameras: Sequence[str]) -> tuple[Measured, Mask, int
             fault = f"{quoted(label)} is there twice"
             raise marker.wrong(fault, "must be unique", attribute="label")
     names, _ = _named(markers, list(labels))
-    number, row = ({one: k for k, one in enumerate(ids)} for ids in (names, cameras))
+    row = {camera: k for k, camera in enumerate(cameras)}
     places: dict[tuple[str, str], Element] = {}
     lost = 0
     for marker in whole.frame.each("markers", "marker") if whole.frame else ():
@@ -752,19 +732,13 @@ def _located(whole: _Chunk, cameras: Sequence[str]) -> tuple[Measured, Mask, int
             if places.setdefault((i, camera), place) is not place:
                 raise place.wrong(f"marker {names[i]} is twice in one camera", "must be there once")
             lost += camera not in row
-    inside_known = {key: place for key, place in places.items() if key[1] in row}
-    pixels = [
-        [place.number(axis, RANGES["col_px"]) - HALF for axis in ("x", "y")]
-        for place in inside_known.values()
+    known = [(*key, place) for key, place in places.items() if key[1] in row]
+    seen = [
+        (row[camera], names[i], [place.number(axis, RANGES["col_px"]) - HALF for axis in "xy"])
+        for i, camera, place in known
     ]
-    located = Measured(
-        points=tuple(names.values()),
-        image_idx=np.array([row[camera] for _, camera in inside_known], dtype=int),
-        point_idx=np.array([number[i] for i, _ in inside_known], dtype=int),
-        colrow=np.array(pixels, dtype=float).reshape(-1, 2),
-    )
-    pinned = [place.attributes.get("pinned") in ("true", "1") for place in inside_known.values()]
-    return located, np.array(pinned, dtype=bool), lost
+    pinned = [place.attributes.get("pinned") in ("true", "1") for _, _, place in known]
+    return Measured.of(seen), np.array(pinned, dtype=bool), lost
 
 
 def _control(whole: _Chunk, system: Chosen | None) -> Control:

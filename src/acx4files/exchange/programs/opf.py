@@ -200,13 +200,8 @@ def read(
     FlightError
         As `project` and `flight_of`.
     """
-    return flight_of(
-        project(source, orientations=orientations, crs=crs, heights=heights),
-        orientations=orientations,
-        block=block,
-        pixel_um=pixel_um,
-        allow=allow,
-    )
+    found = project(source, orientations=orientations, crs=crs, heights=heights)
+    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um, allow=allow)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -190,12 +190,8 @@ def read(
     FlightError
         As `project` and `flight_of`.
     """
-    return flight_of(
-        project(source, crs=crs, heights=heights),
-        orientations=orientations,
-        block=block,
-        allow=allow,
-    )
+    found = project(source, crs=crs, heights=heights)
+    return flight_of(found, orientations=orientations, block=block, allow=allow)
 
 
 def _files(source: Path) -> dict[str, Opened]:
