@@ -125,8 +125,10 @@ def project(
     geolocated = [(shot, node) for shot in shots if (node := shot.measured("geolocation"))]
     points, surveyed = _points(documents)
     places = [place for place, _ in surveyed.values()]
-    places += [_place(node) for _, node in geolocated[:1]]
-    system = _system(documents, places, crs, heights)
+    captured = [_place(node) for _, node in geolocated[:1]]
+    if heights is None and (places or captured):
+        heights = (*places, *captured)[0].heights
+    system = _system(documents, (*captured, *places), crs, heights)
     poses = _calibrated(documents)
     rows = {shot.number: k for k, shot in enumerate(shots)}
     marks, lost_marks = _marks(documents, points, rows)
@@ -477,7 +479,7 @@ def _in_grid(documents: _Documents, system: Chosen | None) -> InGrid:
         to_canonical = frame.one("base_to_canonical")
         scale, shift = (to_canonical.one(key).numbers(3) for key in ("scale", "shift"))
         if (scale == 0).any():
-            raise to_canonical.one("scale").wrong("has a zero", "must be three numbers but zero")
+            raise to_canonical.one("scale").wrong("has a zero", "must be numbers that are not zero")
         # scaled, swapped, then shifted; what is swapped is swapped once more by its order of axes
         if _is_true(to_canonical.maybe("swap_xy")):
             scale = scale[[1, 0, 2]]
@@ -594,7 +596,7 @@ def _system(
     """Return the flight's coordinate system; None where the project has none on the Earth.
 
     It is that of the scene reference frame where this is projected, else the UTM zone of the first
-    place; heights are those of the first place.
+    place.
     """
     frame = documents.by_format.get("scene-reference-frame")
     nodes: list[tuple[Node, Array | None]] = []
@@ -613,7 +615,7 @@ def _system(
             raise fault
         return None
     if heights is None:
-        heights = places[0].heights if places else system.heights
+        return system
     phrase = "above the ellipsoid" if heights == "ellipsoidal" else f"of {heights}"
     if isinstance(heights, float):
         phrase = f"{heights:g} m less than above the ellipsoid"
