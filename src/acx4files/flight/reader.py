@@ -43,7 +43,7 @@ from acx4files.flight.table_files import Columns, named_file, table_in_memory
 from acx4files.flight.tables import SCHEMAS, Table
 from acx4files.flight.toml_file import Toml, read_toml
 from acx4lib import expected, shown
-from acx4lib.block import Block, block_row, synthetic_images
+from acx4lib.block import Block, block_row, no_datum, synthetic_images
 from acx4lib.design import SAME_HEIGHT, flying_heights
 from acx4lib.errors import FlightError, visible
 from acx4lib.expected import Array, Index
@@ -817,11 +817,8 @@ def _datum_notes(block: Block) -> Iterator[str]:
             f"{block.name}: the trajectory {lack} {unknown}, which are start values alone; "
             f"{parts} are held"
         )
-    if len(block.control) < ENOUGH and not _observed(block):
-        yield (
-            f"{block.name}: neither three control points nor positions with sigma fix where the "
-            "block lies: it is a free network of unknown scale"
-        )
+    if lack := no_datum(block):
+        yield lack
 
 
 def _observed(block: Block) -> bool:
