@@ -151,9 +151,7 @@ def adjust_free_rejecting(block: Block, set_up: Callable[[Block], Network]) -> B
     minimal = adjust_rejecting(block, with_minimal_constraints)
     clean = set_up(without(block, minimal.rejected))
     fit = adjust_free(clean.beginning_at(minimal.state)).minimal
-    return replace(
-        fit, rejected=minimal.rejected, stopped=minimal.stopped, exchanged=minimal.exchanged
-    )
+    return replace(fit, rejected=minimal.rejected, stopped=minimal.stopped)
 
 
 def datum_defect(network: Network) -> int:
