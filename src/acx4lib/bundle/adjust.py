@@ -27,7 +27,7 @@ from acx4lib.bundle.observations import (
     strips_of,
     velocities,
 )
-from acx4lib.bundle.rejections import Exchange, Rejection, Stopped
+from acx4lib.bundle.rejections import Rejection, Stopped
 from acx4lib.bundle.start import (
     ASTRAY,
     far_off,
@@ -391,8 +391,6 @@ class Bundle:
     rejected : tuple of Rejection
     stopped : tuple of Stopped
         Groups with too many rejections, in which none was made.
-    exchanged : tuple of Exchange
-        Rejected pairs that fit where their names are exchanged.
     """
 
     network: Network
@@ -400,7 +398,6 @@ class Bundle:
     solution: Solution
     rejected: tuple[Rejection, ...] = ()
     stopped: tuple[Stopped, ...] = ()
-    exchanged: tuple[Exchange, ...] = ()
 
     def __repr__(self) -> str:
         """Describe the adjustment and its fit in one line."""
