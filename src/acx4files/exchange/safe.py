@@ -15,9 +15,10 @@ import re
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 from xml.parsers import expat
 
@@ -120,6 +121,29 @@ def read(path: Path) -> Opened:
     if not data:
         raise refusal(str(path), 1, "file", "is empty", "must have content")
     return Opened(file=str(path), data=data)
+
+
+def inside(folder: Path, name: str, wrong: Callable[[str, str], FlightError]) -> Path:
+    """Return the path of a file that another one names; it must lie below a folder.
+
+    Raises
+    ------
+    FlightError
+        By `wrong`, from what is wrong and what is expected, for any other path.
+    """
+    parts = PurePosixPath(name.replace("\\", "/"))
+    if parts.is_absolute() or ".." in parts.parts or ":" in name or "\0" in name:
+        raise wrong(quoted(name), "must lie below the project's folder")
+    return folder / parts
+
+
+@contextmanager
+def told(wrong: Callable[[str, str], FlightError], expected: str) -> Iterator[None]:
+    """Make what a library says of a value, a ValueError, the error of a place in a file."""
+    try:
+        yield
+    except ValueError as error:
+        raise wrong(" ".join(str(error).split()), expected) from None
 
 
 def checksums(sources: Iterable[Opened]) -> dict[str, str]:
