@@ -127,7 +127,7 @@ ROWS = [
     ("opf tracks", GLTF, "positions.bin", "../x.bin", "must lie below the project's folder"),
     ("opensfm", "reconstruction.json", '"shots"', '"shot"', "0: 'shots' is missing"),
     ("opensfm", "reconstruction.json", '"0.jpg"', '"=1"', "image: '=1' would be computed"),
-    ("opensfm", "reconstruction.json", '"brown"', '"spherical"', "has rays in all directions"),
+    ("opensfm", "reconstruction.json", '"brown"', '"spherical"', "'spherical'; must be one of perspective"),
     ("opensfm", "reconstruction.json", '"focal_x": 0.9', '"focal_x": 0', "divided by the longer"),
     ("opensfm", "tracks.csv", "VERSION_v2", "VERSION_v9", "tracks.csv:1: version: 'OPENSFM_TRACKS"),
     ("opensfm", "tracks.csv", "\t0.01\t1\t2\t3\t-1\t-1", "", ""),
@@ -186,7 +186,7 @@ ROWS = [
     ("odm", "gcp_list.txt", "EPSG:32610", "WGS84 UTM 99N", ":1: CRS: 'WGS84 UTM 99N': "),
     ("odm", "gcp_list.txt", "EPSG:32610", "+proj=utm +zone=10 +nadgrids=/etc/passwd", "passwd"),
     ("odm", "gcp_list.txt", GCP_LIST, "EPSG:32610\n", ":1: file: has no point after the CRS"),
-    ("odm", "gcp_list.txt", "4 5 a x", "4 5,5 a x", ":2: row: '5,5'; must be a finite number"),
+    ("odm", "gcp_list.txt", "4 5 a x", "4 5,5 a x", ":2: col, row: '5,5'; must be a finite number"),
 ]
 
 
