@@ -246,7 +246,7 @@ def properties(packet: bytes, path: Path) -> Properties:
         Where the packet is no XML, or has a document type.
     """
     root = xml_tree(Opened(file=f"{path} (XMP)", data=packet.strip(b"\0 \t\r\n")))
-    found = {}
+    found: dict[str, tuple[str, ...]] = {}
     for description in root.everywhere(f"{RDF} Description"):
         for name, value in description.attributes.items():
             found[_known(name)] = (value.strip(),)
