@@ -345,7 +345,7 @@ class Cursor:
 
 
 Key = str | int
-INFINITE = float("inf")
+_LARGEST = float(np.finfo(float).max)
 
 # A string without an end goes to that of the file, so that every character is looked at once.
 _STRING = r'"(?:[^"\\]|\\.)*+"?'
@@ -428,11 +428,8 @@ class Node:
     def number(self, allowed: Range | None = None) -> float:
         """Return a value that must be a finite number, inside a range if one is given."""
         value = self.value
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, int | float)
-            or not abs(value) < INFINITE
-        ):
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not is_number or not abs(value) <= _LARGEST:
             raise self.wrong(quoted(value), "must be a finite number")
         if allowed is not None and value not in allowed:
             raise self.wrong(quoted(value), str(allowed))
