@@ -72,6 +72,11 @@ class Tags:
     xmp: Properties
     sha256: str
 
+    @property
+    def kind(self) -> tuple[int, int, int, int]:
+        """Width, height, samples and bits."""
+        return self.width_px, self.height_px, self.samples, self.bits
+
     def text(self, *names: str) -> str:
         """Return the first present of some XMP properties or EXIF tags, else an empty text."""
         for name in names:
@@ -93,7 +98,7 @@ class Tags:
         try:
             values = tuple(_fraction(part) for part in parts)
         except (ValueError, ZeroDivisionError):
-            raise self.wrong(name, quoted(", ".join(parts)), "must be numbers") from None
+            values = (float("nan"),)
         if not np.all(np.isfinite(values)):
             raise self.wrong(name, quoted(", ".join(parts)), "must be finite numbers")
         if values and n is not None and len(values) != n:
@@ -715,30 +720,22 @@ def _pixel_mm(tags: Tags) -> float | None:
     return float(f"{size:.6g}")
 
 
-def focal_px(tags: Tags, pixel: float) -> float:
-    """Return the focal length of `FOCAL` in pixels; older firmware has pixels there, newer mm.
+def _calibrated(tags: Tags) -> Stated:
+    """Return the camera that MicaSense and Parrot write, after the specification of Pix4D.
 
-    Raises
-    ------
-    FlightError
-        Where `UNITS` contradicts the size of the number.
+    Older firmware has pixels in `FOCAL`, newer mm.
     """
-    value, unit = tags.numbers(FOCAL, 1)[0], tags.text(UNITS).lower()
+    pixel = _pixel_needed(tags)
+    value, stated = tags.numbers(FOCAL, 1)[0], tags.text(UNITS).lower()
     is_px = value > PX_OF_WIDTH * tags.width_px
-    if unit and (unit == "mm") == is_px:
-        raise tags.wrong(FOCAL, f"{value:g} {unit}", "cannot be the focal length in this unit")
+    if stated and (stated == "mm") == is_px:
+        raise tags.wrong(FOCAL, f"{value:g} {stated}", "cannot be the focal length in this unit")
     if value <= 0:
         raise tags.wrong(FOCAL, f"{value:g}", "must be positive")
-    return value if is_px else value / pixel
-
-
-def _calibrated(tags: Tags) -> Stated:
-    """Return the camera that MicaSense and Parrot write, after the specification of Pix4D."""
-    pixel = _pixel_needed(tags)
-    f = focal_px(tags, pixel)
+    f = value if is_px else value / pixel
     cx, cy = np.array(tags.numbers(POINT, 2) or np.array(_middle(tags)) * pixel) / pixel
     k1, k2, k3, p1, p2 = tags.numbers(DISTORTION, 5) or (0.0,) * 5
-    unit = "px" if tags.numbers(FOCAL)[0] > PX_OF_WIDTH * tags.width_px else "mm"
+    unit = "px" if is_px else "mm"
     origin = f"focal length in {unit}, principal point and distortion from XMP, {FOCAL}"
     return pixel, (f, f, cx, cy), (k1, k2, p1, p2, k3), origin
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -256,7 +255,7 @@ def _warnings(
         yield (
             f"at {len(other)} of {number_of(len(apart), 'exposures')} the yaw of the gimbal and "
             f"that of the aircraft differ by {np.median(other):.0f}° (median): the gimbal's is "
-            "taken"
+            "taken; look where the tops of pictures point"
         )
     for name, lens in lenses.items():
         if lens.fitted.largest_px > WARNED_PX:
@@ -265,36 +264,32 @@ def _warnings(
 
 def _alike(taken: Sequence[_Taken]) -> tuple[list[_Taken], list[str]]:
     """Return the pictures of the most frequent size and kind, and a message on the others."""
-    kinds = Counter(_kind(picture) for picture in taken)
+    kinds = Counter(picture.tags.kind for picture in taken)
     usual = max(kinds, key=lambda kind: (kinds[kind], kind))
-    others = [picture for picture in taken if _kind(picture) != usual]
-    messages = []
-    if others:
-        width, height, samples, bits = usual
-        messages = [
-            f"{number_of(len(others), 'pictures')} of another kind than {width} x {height} px, "
-            f"{samples} x {bits} bit: {_some([picture.tags.path.name for picture in others])}"
-        ]
-    return [picture for picture in taken if _kind(picture) == usual], messages
-
-
-def _kind(picture: _Taken) -> tuple[int, int, int, int]:
-    return picture.tags.width_px, picture.tags.height_px, picture.tags.samples, picture.tags.bits
+    others = [picture.tags.path.name for picture in taken if picture.tags.kind != usual]
+    width, height, samples, bits = usual
+    message = (
+        f"{number_of(len(others), 'pictures')} of another kind than {width} x {height} px, "
+        f"{samples} x {bits} bit: {_some(others)}"
+    )
+    alike = [picture for picture in taken if picture.tags.kind == usual]
+    return alike, [message] if others else []
 
 
 def _shots(taken: Sequence[_Taken]) -> list[_Shot]:
     """Return the exposures in the order of time; a head has one picture of each."""
-    ordered = sorted(taken, key=lambda picture: metadata.key(picture.tags))
-    groups = [tuple(g) for _, g in groupby(ordered, key=lambda picture: metadata.key(picture.tags))]
+    by_key: dict[str, list[_Taken]] = {}
+    for picture in sorted(taken, key=lambda picture: metadata.key(picture.tags)):
+        by_key.setdefault(metadata.key(picture.tags), []).append(picture)
+    groups = list(by_key.values())
     for group in groups:
         names = [picture.head.name for picture in group]
         ((again, times),) = Counter(names).most_common(1)
         if times > 1:
             first, second, *_ = [picture.tags for picture in group if picture.head.name == again]
             duplicate = f"{again} as in {first.path} of the same exposure"
-            raise second.wrong(
-                f"{metadata.INDEX}, {metadata.BAND}", duplicate, "must be another head's"
-            )
+            element = f"{metadata.INDEX}, {metadata.BAND}"
+            raise second.wrong(element, duplicate, "must be another head's")
     groups.sort(key=lambda group: (_when(group[0].tags), str(group[0].tags.path)))
     names = [metadata.name_of(group[0].tags) for group in groups]
     often = Counter(names)
@@ -304,7 +299,7 @@ def _shots(taken: Sequence[_Taken]) -> list[_Shot]:
     ]
     if len(set(unique)) < len(unique):
         unique = [f"{k}/{name}" for k, name in enumerate(names, start=1)]
-    return [_Shot(name=n, taken=group) for n, group in zip(unique, groups, strict=True)]
+    return [_Shot(name=n, taken=tuple(group)) for n, group in zip(unique, groups, strict=True)]
 
 
 def _when(tags: Tags) -> float:

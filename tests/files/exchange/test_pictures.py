@@ -227,7 +227,7 @@ def test_an_aircraft_that_looks_elsewhere_than_its_gimbal_is_warned_of(tmp_path)
     brought = read_folder(tmp_path)
     assert brought.warnings == (
         "at 3 of 3 exposures the yaw of the gimbal and that of the aircraft differ by 177° "
-        "(median): the gimbal's is taken",
+        "(median): the gimbal's is taken; look where the tops of pictures point",
     )
     assert brought.tables["calibration/trajectory.csv"]["heading_deg"] == [205.0] * 3
 

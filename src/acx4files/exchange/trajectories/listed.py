@@ -11,7 +11,7 @@ from itertools import islice
 import numpy as np
 
 from acx4files.exchange.safe import Line, Opened, lines
-from acx4files.flight.problems import Problem, Range, did_you_mean, lines_of, quoted
+from acx4files.flight.problems import Problem, Range, lines_of, quoted
 from acx4files.flight.tables import NUMBER, name_fault
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Mask
@@ -99,7 +99,7 @@ class Column:
     unit: str = ""
 
 
-def _column(word: str, known: Mapping[str, str] = KNOWN) -> Column | None:
+def _column(word: str, known: Mapping[str, str]) -> Column | None:
     """Return the column that a word means, such as ``omega``, ``kappa_gon``, ``x``; or None."""
     plain = re.sub(r"\s+", "_", word.strip().lower())
     for unit in UNITS:
@@ -114,21 +114,17 @@ def _column(word: str, known: Mapping[str, str] = KNOWN) -> Column | None:
     return Column(name=name) if name else None
 
 
-def _declared(text: str, known: Mapping[str, str] = KNOWN) -> tuple[Column, ...]:
+def _declared(source: Opened, text: str, known: Mapping[str, str]) -> tuple[Column, ...]:
     """Return the columns that a user declares: words with commas or spaces between."""
-    words = [word for word in re.split(r"[\s,;]+", text) if word]
     columns = []
-    for word in words:
+    for word in filter(None, re.split(r"[\s,;]+", text)):
         column = _column(word, known)
         if column is None:
-            words_known = ", ".join(dict.fromkeys(known.values()))
-            hint = did_you_mean(word.lower(), known)
-            raise ValueError(f"column {word!r} is not known{hint}; known are {words_known}")
+            expected = f"known are {', '.join(dict.fromkeys(known.values()))}"
+            raise source.wrong("--columns", f"column {word!r} is not known", expected)
+        if column.name != SKIP and column in columns:
+            raise source.wrong("--columns", f"column {column.name!r} stands twice", "must be once")
         columns.append(column)
-    times = Counter(columns)
-    twice = [column.name for column in times if column.name != SKIP and times[column] > 1]
-    if twice or not columns:
-        raise ValueError(f"column {twice[0]!r} stands twice" if twice else "no column is declared")
     return tuple(columns)
 
 
@@ -343,11 +339,7 @@ def read_list(
     if not kept or len(kept) > MOST:
         raise source.wrong("file", f"has {len(kept)} rows", f"must have 1 to {MOST}")
     if columns:
-        try:
-            named = _declared(columns, known)
-        except ValueError as error:
-            fault, _, words = str(error).partition("; ")
-            raise source.wrong("--columns", fault, words or "every column once") from None
+        named = _declared(source, columns, known)
         heading = kept[0] if _is_heading(kept[0], named, numbers) else None
     else:
         heading, named = kept[0], _of_heading(kept[0], known)
@@ -437,13 +429,10 @@ def _is_heading(line: Line, columns: Sequence[Column], numbers: Sequence[str]) -
 def _of_heading(line: Line, known: Mapping[str, str]) -> tuple[Column, ...]:
     columns = [_column(cell, known) for cell in line.cells]
     named = [column for column in columns if column is not None and column.name != SKIP]
+    cure = "declare them by --columns, in their order"
     if len(named) < 2:
-        raise _undeclared(line, f"is no heading: {quoted(' '.join(line.cells))}")
+        raise line.wrong("columns", f"is no heading: {quoted(' '.join(line.cells))}", cure)
     ((name, times),) = Counter(column.name for column in named).most_common(1)
     if times > 1:
-        raise _undeclared(line, f"two columns may be {name!r}")
+        raise line.wrong("columns", f"two columns may be {name!r}", cure)
     return tuple(column or Column(name=SKIP) for column in columns)
-
-
-def _undeclared(line: Line, fault: str) -> FlightError:
-    return line.wrong("columns", fault, "declare them by --columns, in their order")
