@@ -40,7 +40,7 @@ Tell = Callable[[str, int, int], None]
 Step = Callable[[Callable[[int, int], None]], None]
 """Function that runs a stage, with its progress."""
 
-NOTED = ("exchanged", "sigma_beyond", "not_confirmed", "weak", "approximations", "notes")
+NOTED = ("sigma_beyond", "not_confirmed", "weak", "approximations", "notes")
 """Entries of summary.json whose sentences a run shows without failing."""
 
 

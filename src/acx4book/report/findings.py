@@ -188,18 +188,12 @@ def _gross_errors(material: Material) -> Iterator[Finding]:
     if not names:
         return
     question, entries = "Gross errors", [material.entry(name) for name in names]
-    lines = _messages(material, material.found.summary, "exchanged")
-    mixed = "; ".join(dict.fromkeys(line.partition(": ")[2] for line in lines))
-    expected, state = [entry.get("expected_rejections") for entry in entries], HOLDS
-    answer = ""
-    if mixed:
-        state, answer = FAILS, f"{begun(mixed)}. Correct the names and run again. "
-    elif _messages(material, names, "stopped"):
-        state, answer = UNTESTED, "Observations contradict each other, so rejections say nothing."
-    elif None in expected:
-        state, answer = UNTESTED, AGAIN
-    if state == UNTESTED or None in expected:
-        yield Finding(question=question, state=state, answer=answer)
+    expected = [entry.get("expected_rejections") for entry in entries]
+    answer = AGAIN if None in expected else ""
+    if _messages(material, names, "stopped"):
+        answer = "Observations contradict each other, so rejections say nothing."
+    if answer:
+        yield Finding(question=question, state=UNTESTED, answer=answer)
         return
     n = sum(int(entry["n_rejected"]) for entry in entries)
     of = sum(int(entry["n_observations"]) for entry in entries)
@@ -213,8 +207,8 @@ def _gross_errors(material: Material) -> Iterator[Finding]:
         where = f"{kind} {worst['image_or_exposure']} {worst['point']}".replace("  ", " ").strip()
     yield Finding(
         question=question,
-        state=state,
-        answer=f"{answer}{n:,} of {of:,} observations taken out as gross errors, "
+        state=HOLDS,
+        answer=f"{n:,} of {of:,} observations taken out as gross errors, "
         f"where chance alone takes out {chance:.1f}"
         + ("; they are listed in rejected.csv." if n else "."),
         tests=(

@@ -26,7 +26,7 @@ from acx4lib.attempts import Failed
 from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors import expected_failures
-from acx4lib.bundle.rejections import CRITICAL, Exchange, Stopped, sentence
+from acx4lib.bundle.rejections import CRITICAL, Stopped, sentence
 from acx4lib.bundle.variance_components import (
     BOUNDS,
     Component,
@@ -188,7 +188,6 @@ def of_bundle(
         "n_rejected": len(bundle.rejected),
         "expected_rejections": expected_failures(bundle),
         **_stopped_entries(key, bundle.stopped),
-        **_exchanged_entries(key, bundle.exchanged),
         "n_left_out": sum(bundle.network.left_out.values()),
         "left_out_points": dict(bundle.network.left_out),
         **determination.as_json(bundle, calibrated),
@@ -256,14 +255,6 @@ def _stopped_entries(key: str, stopped: Sequence[Stopped]) -> dict[str, object]:
     return {
         "stopped": [f"{key}: {sentence(stopped)}"] if stopped else [],
         "stopped_groups": [[group.group, group.n_rejected, group.n] for group in stopped],
-    }
-
-
-def _exchanged_entries(key: str, exchanged: Sequence[Exchange]) -> dict[str, object]:
-    """Return the entries of summary.json on exchanged exposures and surveyed points."""
-    return {
-        "exchanged": [f"{key}: {exchange.sentence}" for exchange in exchanged],
-        "exchanged_names": [[exchange.kind, *exchange.names] for exchange in exchanged],
     }
 
 
@@ -617,7 +608,6 @@ def _validation_summary(validation: Validation) -> dict[str, object]:
         "n_rejected": len(validation.rejected),
         "expected_rejections": _expected_rejections(validation),
         **_stopped_entries(f"validation/{validation.method}", validation.stopped),
-        **_exchanged_entries(f"validation/{validation.method}", validation.exchanged),
         "n_left_out": validation.n_left_out,
         "n_pairs": len(validation.pairs),
         "n_failed_pairs": validation.n_failed,

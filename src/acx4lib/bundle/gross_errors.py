@@ -1,13 +1,12 @@
 """Gross errors: found by data snooping, and removed from a block.
 
 Adjustment, test and rejection alternate until no test fails. Control points far from all of
-their rays are removed first; rejected observations are searched for exchanged names.
+their rays are removed first.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from collections.abc import Set as AbstractSet
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
@@ -22,7 +21,6 @@ from acx4lib.bundle.network import Network
 from acx4lib.bundle.rejections import (
     CRITICAL,
     KINDS,
-    Exchange,
     Rejection,
     Stopped,
     sentence,
@@ -43,7 +41,6 @@ from acx4lib.bundle.start import (
 from acx4lib.bundle.unknowns import State
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.geometry.frames import Pose, log
 from acx4lib.geometry.intersection import intersect
 from acx4lib.least_squares import statistics as least_squares_statistics
 from acx4lib.least_squares.covariance import medians, propagate
@@ -135,10 +132,9 @@ def adjust_rejecting(
     if not rejections:
         return _after(bundle, iterations)
     kept, stopped = within_limits(block, network.rows, rejections)
-    mixed = _exchanges(block, set_up, bundle, rejections, partial(_failed, test))
     best = _without(block, set_up, bundle, kept, stopped)
     best = _after(best, iterations + best.solution.iterations)
-    return replace(best, rejected=kept, stopped=stopped, exchanged=mixed)
+    return replace(best, rejected=kept, stopped=stopped)
 
 
 def _after(bundle: Bundle, iterations: int) -> Bundle:
@@ -148,14 +144,6 @@ def _after(bundle: Bundle, iterations: int) -> Bundle:
     none.
     """
     return replace(bundle, solution=replace(bundle.solution, iterations=iterations))
-
-
-def _failed(test: Callable[[Bundle, Mask], _Verdict], bundle: Bundle) -> set[tuple[str, int]]:
-    """Return kinds and rows of the observations that fail their tests, with none rejected."""
-    observed = _observations(bundle.network)
-    failed = test(bundle, np.zeros(len(observed.kind), dtype=bool)).failed
-    kinds = (KINDS[k] for k in observed.kind[failed])
-    return set(zip(kinds, observed.row[failed].tolist(), strict=True))
 
 
 def _first(
@@ -560,139 +548,3 @@ def _taken_out(rows: Index) -> tuple[Rejection, ...]:
         Rejection(kind="control_point", row=int(row), component=-1, statistic=np.inf)
         for row in rows
     )
-
-
-# --- Two exposures, or two surveyed points, whose names were exchanged
-#
-# Both are rejected, and each is where the other was expected. So much is no chance, and the cure
-# is known: their names.
-
-
-NEARER = 0.3
-"""Share of its own misfit within which each of a pair lies by the other's name."""
-
-
-def _exchanges(
-    block: Block,
-    set_up: Callable[[Block], Network],
-    bundle: Bundle,
-    rejected: Sequence[Rejection],
-    failed: Callable[[Bundle], AbstractSet[tuple[str, int]]],
-) -> tuple[Exchange, ...]:
-    """Return the pairs among rejected observations that were exchanged."""
-    candidates = [*_exposures(block, bundle, rejected), *_control(block, bundle, rejected)]
-    if not candidates:
-        return ()
-    mended = block
-    for exchange in candidates:
-        mended = _mended(mended, exchange)
-    remaining = [
-        r for r in rejected if not any(_is_of(exchange, r.kind, r.row) for exchange in candidates)
-    ]
-    try:
-        network = set_up(without(mended, remaining))
-        again = adjust(network.beginning_at(bundle.state))
-    except AdjustmentError:
-        return ()
-    wrong = failed(again)
-    return tuple(
-        exchange for exchange in candidates if not any(_is_of(exchange, *row) for row in wrong)
-    )
-
-
-def pairs_of(own: Array, other: Array) -> Iterator[tuple[int, int]]:
-    """Yield pairs of rows that each fit the other's place much better than their own.
-
-    Parameters
-    ----------
-    own : ndarray, shape (n,)
-        Misfit of every row in its own place.
-    other : ndarray, shape (n, n)
-        Misfit of the row in the place of the column's row.
-    """
-    if len(own) < 2:
-        return
-    misfits = np.where(np.eye(len(own), dtype=bool), np.inf, other)
-    nearest = np.argmin(misfits, axis=1)
-    for i, j in enumerate(nearest):
-        limit = NEARER * min(own[i], own[j])
-        if i < j and nearest[j] == i and max(misfits[i, j], misfits[j, i]) < limit:
-            yield i, int(j)
-
-
-def _exposures(block: Block, bundle: Bundle, rejected: Sequence[Rejection]) -> Iterator[Exchange]:
-    """Yield exposures that may be exchanged: by their positions, else by their attitudes."""
-    w = {kind: _largest(rejected, kind) for kind in ("gnss", "attitude")}
-    kind = "gnss" if len(w["gnss"]) > 1 else "attitude"
-    rows = np.array(sorted(w[kind]), dtype=np.intp)
-    exposures, poses = np.unique(bundle.network.exposure_idx, return_index=True)
-    first = poses[np.searchsorted(exposures, rows)]
-    observed, adjusted = block.trajectory.T_m_b[rows], bundle.state.T_m_b[first]
-    distances = _apart(observed, adjusted, kind)
-    for i, j in pairs_of(np.diagonal(distances), distances):
-        a, b = int(rows[i]), int(rows[j])
-        largest = max(of_kind.get(row, 0.0) for of_kind in w.values() for row in (a, b))
-        names = (block.trajectory.exposures[a], block.trajectory.exposures[b])
-        yield Exchange(kind="exposure", names=names, rows=(a, b), statistic=largest)
-
-
-def _apart(observed: Pose, adjusted: Pose, kind: str) -> Array:
-    """Return distances of observed from adjusted positions or attitudes, (n, n), m or rad."""
-    if kind == "gnss":
-        return np.linalg.norm(observed.r[:, None] - adjusted.r[None], axis=2)
-    turns = np.swapaxes(adjusted.R, -1, -2)[None] @ observed.R[:, None]
-    n = len(turns)
-    return np.linalg.norm(log(turns.reshape(-1, 3, 3)), axis=1).reshape(n, n)
-
-
-def _control(block: Block, bundle: Bundle, rejected: Sequence[Rejection]) -> Iterator[Exchange]:
-    """Yield control points that may be exchanged."""
-    w, control = _largest(rejected, "control_point"), block.control
-    rows = np.array(sorted(w), dtype=np.intp)
-    adjusted = bundle.state.x_m[control.point_idx[rows]]
-    distances = np.linalg.norm(control.x_m[rows][:, None] - adjusted[None], axis=2)
-    for i, j in pairs_of(np.diagonal(distances), distances):
-        a, b = int(rows[i]), int(rows[j])
-        names = (block.points[control.point_idx[a]], block.points[control.point_idx[b]])
-        largest = max(w[a], w[b])
-        yield Exchange(kind="control_point", names=names, rows=(a, b), statistic=largest)
-
-
-def _largest(rejected: Sequence[Rejection], kind: str) -> dict[int, float]:
-    """Return the largest w of each rejected row of a kind."""
-    out: dict[int, float] = {}
-    for rejection in rejected:
-        if rejection.kind == kind:
-            out[rejection.row] = max(out.get(rejection.row, 0.0), rejection.statistic)
-    return out
-
-
-def _is_of(exchange: Exchange, kind: str, row: int) -> bool:
-    """Tell whether an exchange contains an observation."""
-    kinds = ("gnss", "attitude") if exchange.kind == "exposure" else ("control_point",)
-    return kind in kinds and row in exchange.rows
-
-
-def _mended(block: Block, exchange: Exchange) -> Block:
-    """Return the block with the values of two rows exchanged, and their sigma."""
-    trajectory, control = block.trajectory, block.control
-    order = np.arange(len(trajectory if exchange.kind == "exposure" else control))
-    order[list(exchange.rows)] = exchange.rows[::-1]
-    if exchange.kind == "exposure":
-        mended = replace(
-            trajectory,
-            T_m_b=trajectory.T_m_b[order],
-            sigma_position=trajectory.sigma_position[order],
-            sigma_attitude=trajectory.sigma_attitude[order],
-            time_s=trajectory.time_s[order]
-            if len(trajectory.time_s) == len(order)
-            else trajectory.time_s,
-        )
-        return replace(block, trajectory=mended)
-    moved = replace(
-        control,
-        x_m=control.x_m[order],
-        sigma_m=control.sigma_m[order],
-        R_g_m=control.R_g_m[order],
-    )
-    return replace(block, control=moved)

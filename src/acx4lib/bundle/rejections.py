@@ -56,38 +56,6 @@ class Rejection:
         expected.one_of("kind", self.kind, KINDS)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Exchange:
-    """Two rows of a table that fit where their names are exchanged.
-
-    Attributes
-    ----------
-    kind : str
-        ``exposure``, ``control_point`` or ``check_point``.
-    names : tuple of str
-        Both names.
-    rows : tuple of int
-        Of the block's trajectory, control or check points.
-    statistic : float
-        The largest w of both as they are named.
-    """
-
-    kind: str
-    names: tuple[str, str]
-    rows: tuple[int, int]
-    statistic: float
-
-    @property
-    def sentence(self) -> str:
-        """A sentence with both names and the evidence of the exchange."""
-        a, b = self.names
-        pair = f"{self.kind.replace('_', ' ')}s {a} and {b}"
-        return (
-            f"{pair} were exchanged: each is where the other should be, and both fit with their "
-            f"names exchanged (w up to {self.statistic:.3g} as they are)"
-        )
-
-
 def without(block: Block, rejected: Sequence[Rejection]) -> Block:
     """Return the block without some observations.
 

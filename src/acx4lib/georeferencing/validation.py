@@ -14,9 +14,9 @@ from scipy import sparse
 from acx4lib import expected, shown
 from acx4lib.block import Block, SurveyedPoints, standing_out
 from acx4lib.bundle.adjust import Bundle, mounted_orientation
-from acx4lib.bundle.gross_errors import adjust_rejecting, elsewhere, pairs_of
+from acx4lib.bundle.gross_errors import adjust_rejecting, elsewhere
 from acx4lib.bundle.observations import SharedErrors
-from acx4lib.bundle.rejections import CRITICAL, Exchange, Rejection, Stopped, within_limits
+from acx4lib.bundle.rejections import CRITICAL, Rejection, Stopped, within_limits
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration.common_errors import by_turns
 from acx4lib.calibration.estimates import Calibration
@@ -54,8 +54,6 @@ class Validation:
         In these, a ``control_point`` is one of the block's check points.
     stopped : tuple of Stopped
         Groups with too many rejections, in which none was made.
-    exchanged : tuple of Exchange
-        Check points that fit where their names are exchanged.
     n_failed : int
         Pairs whose rays meet at less than the block's smallest angle, or behind the cameras.
     n_left_out : int
@@ -76,7 +74,6 @@ class Validation:
     points: Differences
     rejected: tuple[Rejection, ...]
     stopped: tuple[Stopped, ...]
-    exchanged: tuple[Exchange, ...]
     n_failed: int
     n_left_out: int
     cost: float
@@ -182,7 +179,6 @@ def validate(
 def _validated(block: Block, calibration: Calibration, method: str, refraction: str) -> Validation:
     georeferenced = direct.georeference(block, calibration)
     selected, misfits, stopped = _without_misfits(block, georeferenced, refraction)
-    whole = selected
     selected, absurd, nowhere = _without_absurd(block, georeferenced, selected, refraction)
     (rays, idx), n_failed = _pairs(block, georeferenced, selected)
     pairs, paired, _ = _compared(block, georeferenced, rays, idx, refraction)
@@ -199,7 +195,6 @@ def _validated(block: Block, calibration: Calibration, method: str, refraction: 
         points=at_points,
         rejected=misfits + nowhere,
         stopped=stopped,
-        exchanged=_exchanged(block, georeferenced, whole, at_points, absurd, refraction),
         n_failed=n_failed + int(np.sum(~paired)),
         n_left_out=int(np.sum(~met & ~absurd)),
         cost=cost(block, georeferenced, rays, refraction=refraction),
@@ -291,46 +286,6 @@ def _surveyed_nowhere(
     return tuple(
         Rejection(kind="control_point", row=int(i), component=-1, statistic=float(statistic))
         for i, statistic in zip(idx, w, strict=True)
-    )
-
-
-def _exchanged(
-    block: Block,
-    georeferenced: Georeferenced,
-    selected: Rays,
-    at_points: Differences,
-    absurd: Mask,
-    refraction: str,
-) -> tuple[Exchange, ...]:
-    """Return pairs of check points whose names were exchanged.
-
-    Both differ significantly as named, and not significantly with their names exchanged.
-    """
-    compared = [at_points]
-    if absurd.any():
-        compared.append(
-            differences_at(block, georeferenced, *_renumbered(selected, absurd), refraction)
-        )
-    idx = np.concatenate([differences.point_idx for differences in compared])
-    d, sigma = (
-        np.concatenate([getattr(differences, key) for differences in compared])
-        for key in ("d", "sigma")
-    )
-    w = np.max(np.abs(d) / sigma, axis=1)
-    odd = np.flatnonzero(w > CRITICAL)
-    check, idx, d, sigma, w = block.check, idx[odd], d[odd], sigma[odd], w[odd]
-    surveyed = block.frame.to_grid(check.x_m[idx])
-    by_other = (surveyed + d)[:, None] - surveyed[None]
-    misfits = np.max(np.abs(by_other) / sigma[:, None], axis=2)
-    return tuple(
-        Exchange(
-            kind="check_point",
-            names=(block.points[check.point_idx[idx[i]]], block.points[check.point_idx[idx[j]]]),
-            rows=(int(idx[i]), int(idx[j])),
-            statistic=float(max(w[i], w[j])),
-        )
-        for i, j in pairs_of(w, misfits)
-        if max(misfits[i, j], misfits[j, i]) <= CRITICAL
     )
 
 

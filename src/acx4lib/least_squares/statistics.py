@@ -376,11 +376,6 @@ def chi2_isf(q: float, df: float) -> float:
     return float(special.chdtri(df, q))
 
 
-def t_ppf(q: float, df: float) -> float:
-    """Return the quantile q of Student's t."""
-    return float(special.stdtrit(df, q))
-
-
 def t_isf(q: float, df: float) -> float:
     """Return the value that Student's t exceeds with probability q."""
     return float(-special.stdtrit(df, q))

@@ -59,7 +59,6 @@ SAID = [
     # nothing was rejected, and so not tested
     (VALIDATED, {"stopped": [MANY]}, GROSS, "untested", "rejections say nothing"),
     (SINGLE, {"expected_rejections": None}, GROSS, "untested", AGAIN),
-    (SINGLE, {"exchanged": [f"{SINGLE}: E1 and E2 are exchanged"]}, GROSS, "fails", "E1 and E2"),
     (SINGLE, {"weak": [f"{SINGLE}: lever z is weak"]}, "Weak parameters", "note", "lever z is"),
     (SINGLE, {"boresight_stability": NO_TURNS}, STABLE, "untested", "It needs attitudes"),
     # variances of unit weight: significant, and large enough to matter from a tenth of sigma on

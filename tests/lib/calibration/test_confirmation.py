@@ -13,7 +13,7 @@ from acx4lib.calibration.determination import nested_f_ratio
 from acx4lib.calibration.estimates import GROUPS, Calibration, group_tests, parameters
 from acx4lib.calibration.mounting import single_step
 from acx4lib.geometry.camera import Interior
-from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk
+from acx4lib.geometry.frames import Pose, exp, log
 from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, MOUNT, Prior
 from support import blocks
 
@@ -88,63 +88,6 @@ def test_a_boresight_without_sigma_is_an_approximation(exact_block, off_deg, sai
     assert found.remark.startswith("boresight of CAM differs") == said
 
 
-def differing(bundle, part, *, lever_m=(0.0, 0.0, 0.0), R=None):
-    """Return the comparison of an estimated mounting with another declared one."""
-    block = bundle.network.block
-    truth = blocks.CAMERA.T_b_c
-    T = Pose(R=truth.R if R is None else R, r=truth.r + lever_m)
-    told = replace(block.cameras[0], T_b_c=T, prior=known())
-    network = replace(bundle.network, block=replace(block, cameras=(told,)))
-    return {c.part: c for c in confirmations(replace(bundle, network=network))}[part]
-
-
-@pytest.fixture(scope="module")
-def fitted():
-    """An exact block that determines the lever arm within centimetres."""
-    block = blocks.simulate(
-        blocks.fly(per_strip=6), ties=blocks.terrain(150), control=blocks.crosses()
-    )
-    points = replace(block.image_points, sigma_px=0.2 * block.image_points.sigma_px)
-    return single_step(replace(block, image_points=points), free=FREE).bundle
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (lambda opk: opk[[1, 0, 2]], "omega and phi exchanged"),
-        (lambda opk: opk * [1, 1, -1], "the sign of kappa reversed"),
-        (lambda opk: opk + np.radians([0, 0, 90]), "turned by 90° about the body's z axis"),
-        (lambda opk: opk + np.radians([0, 0, 180]), "turned by 180° about the body's z axis"),
-    ],
-)
-def test_known_mistakes_of_a_boresight_without_sigma_are_contradictions(fitted, change, said):
-    found = differing(fitted, "boresight", R=rotation_from_opk(change(blocks.CAMERA.T_b_c.opk)))
-    assert said in found.mistake
-    assert said in found.sentence
-
-
-@pytest.mark.parametrize(
-    ("axes", "said"),
-    [(-np.eye(3), "all signs reversed"), (np.eye(3)[[1, 0, 2]], "x and y exchanged")],
-)
-def test_a_lever_arm_along_other_axes_is_a_contradiction(fitted, axes, said):
-    r = blocks.CAMERA.T_b_c.r
-    found = differing(fitted, "lever arm", lever_m=axes @ r - r)
-    assert said in found.mistake
-
-
-def test_a_rough_mounting_gets_no_name(fitted, rng):
-    """A metre and three degrees rough: of 200, at most 5 % look like a mistake or its cause."""
-    named = 0
-    for off in rng.normal(size=(200, 2, 3)):
-        lever_m, axis = off / np.linalg.norm(off, axis=1)[:, None]
-        R = exp(np.radians(3.0) * axis) @ blocks.CAMERA.T_b_c.R
-        turn = differing(fitted, "boresight", R=R)
-        lever = differing(fitted, "lever arm", lever_m=lever_m)
-        named += bool(turn.mistake or lever.mistake or "would look" in lever.statement)
-    assert named <= 10
-
-
 def test_what_is_significant_with_sigma_is_too_much_and_shown_as_the_others_say(exact_block):
     """The estimate is pulled to the declared value; the difference shown is that without it."""
     off = {"lever_m": (0.0, 2.5, 0.0)}
@@ -193,15 +136,6 @@ def test_a_kappa_off_by_the_convergence_says_so(noisy_block, sign, sigma_deg):
 def test_another_kappa_is_not_taken_for_it(noisy_block, off_deg):
     found = compared(declared(noisy_block, turn_deg=(0.0, 0.0, off_deg), prior=known()))
     assert found["boresight"].objection == ""
-
-
-def test_a_lever_arm_along_the_flight_is_given_as_a_delay(exact_block):
-    """The simulated strips fly 220 m in 4 s."""
-    timed = blocks.in_strips(exact_block, 3)
-    found = compared(declared(timed, lever_m=(1.2, 0.0, 0.0), prior=known()))
-    assert "ms off, or positions of an antenna" in found["lever arm"].statement
-    delay = float(found["lever arm"].statement.split("clock that is ")[1].split(" ms")[0])
-    assert delay == pytest.approx(1000 * 1.2 / 55, rel=0.15)
 
 
 def test_an_undeclared_lever_arm_of_tens_of_metres_is_a_height_system(noisy_block):

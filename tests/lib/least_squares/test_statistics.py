@@ -333,7 +333,7 @@ def test_normal_values_are_those_of_scipy(name):
         np.testing.assert_array_equal(getattr(least_squares_statistics, name)(x), expected)
 
 
-@pytest.mark.parametrize("name", ["chi2_cdf", "chi2_sf", "chi2_ppf", "chi2_isf", "t_ppf", "t_isf"])
+@pytest.mark.parametrize("name", ["chi2_cdf", "chi2_sf", "chi2_ppf", "chi2_isf", "t_isf"])
 def test_values_with_degrees_of_freedom_are_those_of_scipy(name):
     kind, what = name.split("_")
     for df in DF:
