@@ -60,29 +60,25 @@ def skewed(calibrated: Calibrated) -> dict[str, Brown]:
     A camera without estimated interior parameters goes back as it came: by the lens that an import
     refits as this camera.
     """
-    return _of_cameras(calibrated, brown, _as_is)
+    return _of_cameras(calibrated, brown, lambda change: change)
 
 
 def of_all(calibrated: Calibrated) -> dict[str, Brown]:
     """Return the lenses of all cameras with two focal lengths, as `skewed`."""
-    return _of_cameras(calibrated, _two_focal_lengths, _unskewed)
+    return _of_cameras(
+        calibrated,
+        lambda camera: _of(*lens.without_skew(camera)),
+        lambda change: np.concatenate([change[:4], [0.0], change[5:]]),
+    )
 
 
 def square(calibrated: Calibrated) -> dict[str, Brown]:
     """Return the lenses of all cameras with one focal length, as `skewed`."""
-    return _of_cameras(calibrated, _one_focal_length, _squared)
-
-
-def _as_is(change: Array) -> Array:
-    return change
-
-
-def _unskewed(change: Array) -> Array:
-    return np.concatenate([change[:4], [0.0], change[5:]])
-
-
-def _squared(change: Array) -> Array:
-    return np.concatenate([2 * [change[:2].mean()], change[2:4], [0.0], change[5:]])
+    return _of_cameras(
+        calibrated,
+        _one_focal_length,
+        lambda change: np.concatenate([2 * [change[:2].mean()], change[2:4], [0.0], change[5:]]),
+    )
 
 
 def _of_cameras(
@@ -141,20 +137,20 @@ def _pinhole(values: Array) -> Pinhole:
     return Pinhole(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
 
 
-def _two_focal_lengths(camera: Camera) -> Brown:
-    return _of(*lens.without_skew(camera))
-
-
 def _one_focal_length(camera: Camera) -> Brown:
     """Return the nearest lens with square pixels: where b1 or b2 is not zero, all is refitted."""
     hole = lens.pinhole_of(camera)
-    coefficients, _ = lens.brown_of(camera)
     if hole.fx == hole.fy and not hole.skew:
         return brown(camera)
+
+    def pixels(values: Array, ideal: Array) -> Array:
+        f, cx, cy, *coefficients = values
+        by_role = dict(zip(lens.BROWN, coefficients, strict=True))
+        return np.asarray(f * (ideal + lens.effects(ideal, by_role)) + [cx, cy])
+
+    coefficients, _ = lens.brown_of(camera)
     start = np.array([0.5 * (hole.fx + hole.fy), hole.cx, hole.cy, *coefficients])
-    values, left = lens.model_of(
-        camera, lambda parameters, ideal: pixels([*parameters, 0.0, 0.0], ideal), start
-    )
+    values, left = lens.model_of(camera, pixels, start)
     f, cx, cy = values[:3].tolist()
     return _of(Pinhole(fx=f, fy=f, cx=cx, cy=cy), values[3:], left)
 
@@ -169,24 +165,8 @@ def _of(hole: Pinhole, coefficients: Array, left: Left) -> Brown:
     return Brown(hole=hole, k1=k1, k2=k2, k3=k3, p1=p1, p2=p2, left=left)
 
 
-def pixels(values: Array | list[float], ideal: Array) -> Array:
-    """Return the pixels of ideal points, shape (n, 2), by one focal length, b1 and b2.
-
-    Parameters
-    ----------
-    values : ndarray, shape (10,)
-        f, cx, cy in px; k1, k2, p1, p2, k3; b1 and b2, of ideal points and not of their distortion.
-    ideal : ndarray, shape (n, 2)
-        y down.
-    """
-    f, cx, cy, *coefficients, b1, b2 = values
-    measured = ideal + lens.effects(ideal, dict(zip(lens.BROWN, coefficients, strict=True)))
-    measured[:, 0] += ideal @ [b1, b2]
-    return f * measured + [cx, cy]
-
-
 def derivatives(camera: Camera, columns: Index, n_columns: int) -> Array:
-    """Return d(fx, fy, cx, cy, k1, k2, k3, p1, p2, skew) / d(columns of a calibration).
+    """Return d(fx, fy, cx, cy, skew, k1, k2, p1, p2, k3) / d(columns of a calibration).
 
     By differences.
 
@@ -204,13 +184,9 @@ def derivatives(camera: Camera, columns: Index, n_columns: int) -> Array:
     J, values = np.zeros((10, n_columns)), camera.interior.to_array()
     for j in np.flatnonzero(columns >= 0):
         step = np.eye(len(values))[j] * max(1e-6 * abs(values[j]), STEPS[j])
-        ends = [_values(camera, values + sign * step) for sign in (1, -1)]
+        ends = [
+            _values_of(brown(camera.with_interior(Interior.from_array(values + sign * step))))
+            for sign in (1, -1)
+        ]
         J[:, columns[j]] = (ends[0] - ends[1]) / (2 * step[j])
     return J
-
-
-def _values(camera: Camera, interior: Array) -> Array:
-    model = brown(camera.with_interior(Interior.from_array(interior)))
-    hole = model.hole
-    others = (model.k1, model.k2, model.k3, model.p1, model.p2, hole.skew)
-    return np.array([hole.fx, hole.fy, hole.cx, hole.cy, *others])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -25,7 +25,7 @@ from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import FlightError, OutputError
-from acx4lib.expected import Array, Index
+from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose, opk_jacobian, rotation_from_opk, skew
 from acx4lib.geometry.geodesy import R_ENU_NED, MappingFrame, rotation_enu_to_ecef
@@ -111,12 +111,26 @@ def read(results: str | Path, *, method: str = "", heads: bool = False) -> Calib
     for stage in ("heads", "synthetic", "mounting"):
         check_kept(run, stage)
     stored, flight = run.found, run.flight
-    ended = [name for name in (*CAMERA, *HEADS) if _ended(stored, name)]
+    keys = {name: f"{STAGE.get(name, 'mounting')}/{name}" for name in (*CAMERA, *HEADS)}
+    ended = [name for name, key in keys.items() if _ended(stored, key)]
     usable = [name for name in ended if not heads or name in HEADS]
     chosen = method or next(iter(usable), "")
     if chosen not in usable:
-        raise FlightError([_missing(stored, chosen, ended, heads=heads)])
-    calibration = _calibration(stored, chosen, flight)
+        entry = stored.summary.get(keys[chosen], {}) if chosen else {}
+        said = [*folder.messages(entry, "stopped"), *folder.messages(entry, "left_out")]
+        said.append(f"it has {', '.join(ended) or 'none'}")
+        if heads and chosen in CAMERA:
+            said.insert(0, f"it is of one camera; of heads are {', '.join(HEADS)}")
+        wanted = chosen or ("heads" if heads else "any method")
+        problem = f"{stored.folder}: no calibration of {wanted} that can be exported"
+        raise FlightError([f"{problem}; {said[0]}"])
+    if chosen in STAGE:
+        related = read_relative_orientation(stored, keys[chosen], flight.cameras)
+        calibration = _of_relative_orientation(related, flight.synthetic_camera)
+    else:
+        cameras = [flight.cameras[name] for name in folder.cameras(stored, keys[chosen])]
+        known = read_calibration(stored, keys[chosen], cameras)
+        calibration = replace(known, cov=known.cov * known.sigma0_sq, sigma0_sq=1.0)
     return Calibrated(
         flight=flight,
         method=chosen,
@@ -126,41 +140,14 @@ def read(results: str | Path, *, method: str = "", heads: bool = False) -> Calib
     )
 
 
-def _key(method: str) -> str:
-    return f"{STAGE.get(method, 'mounting')}/{method}"
-
-
-def _ended(stored: folder.Results, method: str) -> bool:
+def _ended(stored: folder.Results, key: str) -> bool:
     """Tell whether a method ended with a calibration."""
-    entry = stored.summary.get(_key(method), {})
-    named = folder.has(stored, _key(method)) and folder.cameras(stored, _key(method))
+    entry = stored.summary.get(key, {})
+    named = folder.has(stored, key) and folder.cameras(stored, key)
     return bool(named) and bool(entry.get("converged", True)) and not entry.get("stopped")
 
 
-def _missing(stored: folder.Results, method: str, ended: Sequence[str], *, heads: bool) -> str:
-    entry = stored.summary.get(_key(method), {}) if method else {}
-    messages = [*folder.messages(entry, "stopped"), *folder.messages(entry, "left_out")]
-    wanted = method or ("heads" if heads else "any method")
-    if heads and method in CAMERA:
-        reason = f"it is of one camera; of heads are {', '.join(HEADS)}"
-    else:
-        reason = messages[0] if messages else f"it has {', '.join(ended) or 'none'}"
-    return f"{stored.folder}: no calibration of {wanted} that can be exported; {reason}"
-
-
-def _calibration(stored: folder.Results, method: str, flight: Flight) -> Calibration:
-    names = folder.cameras(stored, _key(method))
-    if method in STAGE:
-        related = read_relative_orientation(stored, _key(method), flight.cameras)
-        return _of_relative_orientation(related, flight.synthetic_camera)
-    cameras = [flight.cameras[name] for name in names]
-    calibration = read_calibration(stored, _key(method), cameras)
-    return replace(calibration, cov=calibration.cov * calibration.sigma0_sq, sigma0_sq=1.0)
-
-
-def _of_relative_orientation(
-    related: RelativeOrientation, synthetic: Camera | None = None
-) -> Calibration:
+def _of_relative_orientation(related: RelativeOrientation, synthetic: Camera | None) -> Calibration:
     """Return heads with their estimated rotations relative to each other as a calibration."""
     R_b_s = np.eye(3) if synthetic is None else synthetic.T_b_c.R
     n = len(related.heads)
@@ -169,39 +156,26 @@ def _of_relative_orientation(
         replace(head, T_b_c=Pose(R=R, r=head.T_b_c.r))
         for head, R in zip(related.heads, rotations, strict=True)
     )
-    kept = np.flatnonzero(_estimated(related))
+    estimated = np.diag(related.cov_joint) > 0
+    estimated = np.concatenate([np.tile([False] * 3 + [True] * 3, n), estimated[6 * n :]])
+    kept = np.flatnonzero(estimated)
     columns = np.full(15 * n, -1)
     columns[kept] = np.arange(len(kept))
-    mount = columns[: 6 * n].reshape(n, 6).copy()
-    mount[:, :3] = -1
+    J = np.eye(len(related.cov_joint))  # to rotations about the heads' own axes
+    for k, opk in enumerate(related.opk):
+        angles = slice(6 * k + 3, 6 * k + 6)
+        J[angles, angles] = np.linalg.inv(opk_jacobian(opk))
     return Calibration(
         cameras=cameras,
         layout=Layout(
             interior=columns[6 * n :].reshape(n, 9),
-            mount=mount,
+            mount=columns[: 6 * n].reshape(n, 6),
             pose=np.zeros((0, 6), dtype=np.intp),
         ),
-        cov=_about_axes(related)[np.ix_(kept, kept)],
+        cov=propagate(J, related.cov_joint)[np.ix_(kept, kept)],
         sigma0_sq=1.0,
         open_columns=np.zeros(len(kept), dtype=bool),
     )
-
-
-def _estimated(related: RelativeOrientation) -> np.ndarray:
-    """Tell which joint quantities are rotations or estimated interior parameters."""
-    n = len(related.heads)
-    known: np.ndarray = np.diag(related.cov_joint) > 0
-    known[: 6 * n] = np.tile([False] * 3 + [True] * 3, n)
-    return known
-
-
-def _about_axes(related: RelativeOrientation) -> Array:
-    """Return the joint covariance with rotations about the heads' own axes."""
-    J = np.eye(len(related.cov_joint))
-    for k, opk in enumerate(related.opk):
-        angles = slice(6 * k + 3, 6 * k + 6)
-        J[angles, angles] = np.linalg.inv(opk_jacobian(opk))
-    return propagate(J, related.cov_joint)
 
 
 # --- Heads of a rig relative to the first of them
@@ -252,31 +226,20 @@ def to_first(calibration: Calibration) -> tuple[Relative, ...]:
     calibration : Calibration
         With a posteriori covariance.
     """
-    first = calibration.cameras[0].T_b_c
+    first, mount = calibration.cameras[0].T_b_c, calibration.layout.mount
     out = []
     for k, camera in enumerate(calibration.cameras):
         T_r_h = first.inverse @ camera.T_b_c if k else Pose(R=np.eye(3), r=np.zeros(3))
         J = np.zeros((6, calibration.n_columns + 1))  # the last column is of what is held
-        if k:
-            by_first, by_head = _derivatives(first, T_r_h)
-            _add(J, calibration.layout.mount[0], by_first)
-            _add(J, calibration.layout.mount[k], by_head)
+        if k:  # d(relative pose) / d(mounting) of the reference and of the head
+            by_first, by_head = np.zeros((6, 6)), np.eye(6)
+            by_first[:3, :3], by_head[:3, :3] = -first.R.T, first.R.T
+            by_first[:3, 3:] = skew(T_r_h.r)
+            by_first[3:, 3:] = -T_r_h.R.T
+            np.add.at(J.T, mount[0], by_first.T)
+            np.add.at(J.T, mount[k], by_head.T)
         out.append(Relative(T_r_h=T_r_h, cov=propagate(J[:, :-1], calibration.cov)))
     return tuple(out)
-
-
-def _derivatives(first: Pose, T_r_h: Pose) -> tuple[Array, Array]:
-    """Return d(relative pose) / d(mounting) of the reference and of the head, (6, 6) each."""
-    by_first, by_head = np.zeros((6, 6)), np.eye(6)
-    by_first[:3, :3], by_head[:3, :3] = -first.R.T, first.R.T
-    by_first[:3, 3:] = skew(T_r_h.r)
-    by_first[3:, 3:] = -T_r_h.R.T
-    return by_first, by_head
-
-
-def _add(J: Array, columns: Index, derivative: Array) -> None:
-    for j, column in enumerate(columns):
-        J[:, column] += derivative[:, j]  # column -1 is the one of what is held
 
 
 # --- Exterior orientations of a block by direct georeferencing, as other programs count
@@ -375,26 +338,6 @@ def in_grid(oriented: Oriented) -> pd.DataFrame:
     return exterior_table(oriented.block, oriented.names, T_m_c=oriented.T_m_c, cov=cov)
 
 
-def _topocentric(oriented: Oriented) -> pd.DataFrame:
-    """Return positions and omega, phi, kappa in the block's topocentric frame: x_m, ..., kappa_deg.
-
-    Its axes are east, north, up at `Oriented.origin`.
-    """
-    T = oriented.T_m_c
-    return _table(oriented, ("x_m", "y_m", "z_m"), T.r, ("omega", "phi", "kappa"), T.opk)
-
-
-def _geographic(oriented: Oriented) -> pd.DataFrame:
-    """Return latitude, longitude, ellipsoidal height, and roll, pitch, heading of the image.
-
-    The image counts as a body that looks down: its top edge is ahead, its right edge right.
-    """
-    lonlath = oriented.block.frame.to_geographic(oriented.T_m_c.r)
-    names = ("lat_deg", "lon_deg", "height_m")
-    rph = roll_pitch_heading(oriented.block.frame, oriented.T_m_c)
-    return _table(oriented, names, lonlath[:, [1, 0, 2]], ("roll", "pitch", "heading"), rph)
-
-
 def roll_pitch_heading(frame: MappingFrame, T_m_c: Pose) -> Array:
     """Return roll, pitch, heading of images as bodies with the top edge ahead, radians, (n, 3).
 
@@ -417,15 +360,6 @@ def roll_pitch_heading(frame: MappingFrame, T_m_c: Pose) -> Array:
     pitch = np.arctan2(-R[:, 2, 0], np.hypot(R[:, 2, 1], R[:, 2, 2]))
     heading = np.mod(np.arctan2(R[:, 1, 0], R[:, 0, 0]), 2 * np.pi)
     return np.stack([roll, pitch, heading], axis=-1)
-
-
-def _table(
-    oriented: Oriented, positions: Iterable[str], r: Array, angles: Iterable[str], values: Array
-) -> pd.DataFrame:
-    columns = [*positions, *(f"{angle}_deg" for angle in angles)]
-    frame = pd.DataFrame(np.column_stack([r, np.degrees(values)]), columns=columns)
-    frame.insert(0, "image", list(oriented.names))
-    return frame
 
 
 # --- Exterior orientations as tables of text, which most programs read by declared columns
@@ -456,24 +390,33 @@ def opk(oriented: Oriented) -> Taken:
     """Return positions and angles in the grid of the flight, with a priori sigma."""
     grid = oriented.block.frame.grid
     axes = GRID.format(grid.crs, grid.heights)
-    return _taken(in_grid, oriented, (CENTRE, OPK.format(axes), SIGMA_OF))
+    return _taken(in_grid(oriented), CENTRE, OPK.format(axes), SIGMA_OF)
 
 
 def topocentric_table(oriented: Oriented) -> Taken:
-    """Return positions and angles in topocentric axes."""
+    """Return positions and angles in topocentric axes: east, north, up at `Oriented.origin`."""
+    names, T = ("x_m", "y_m", "z_m", "omega_deg", "phi_deg", "kappa_deg"), oriented.T_m_c
     axes = f"east, north, up at {oriented.origin}"
-    return _taken(_topocentric, oriented, (CENTRE, OPK.format(axes)))
+    return _taken(_table(oriented, names, T.r, T.opk), CENTRE, OPK.format(axes))
 
 
 def rph(oriented: Oriented) -> Taken:
-    """Return geographic positions and roll, pitch, heading of the images."""
-    return _taken(_geographic, oriented, (CENTRE, ELLIPSOIDAL, RPH))
+    """Return latitude, longitude, ellipsoidal height and roll, pitch, heading of the images."""
+    names = ("lat_deg", "lon_deg", "height_m", "roll_deg", "pitch_deg", "heading_deg")
+    frame = oriented.block.frame
+    lonlath = frame.to_geographic(oriented.T_m_c.r)
+    angles = roll_pitch_heading(frame, oriented.T_m_c)
+    table = _table(oriented, names, lonlath[:, [1, 0, 2]], angles)
+    return _taken(table, CENTRE, ELLIPSOIDAL, RPH)
 
 
-def _taken(
-    table_of: Callable[[Oriented], pd.DataFrame], oriented: Oriented, assumed: tuple[str, ...]
-) -> Taken:
-    table = table_of(oriented)
+def _table(oriented: Oriented, names: Sequence[str], r: Array, angles: Array) -> pd.DataFrame:
+    frame = pd.DataFrame(np.column_stack([r, np.degrees(angles)]), columns=list(names))
+    frame.insert(0, "image", list(oriented.names))
+    return frame
+
+
+def _taken(table: pd.DataFrame, *assumed: str) -> Taken:
     for name in table.columns[1:]:
         unit = next(unit for unit in DIGITS if name.endswith(unit))
         table[name] = [f"{value:.{DIGITS[unit]}f}" for value in table[name]]
@@ -526,31 +469,23 @@ def near(taken: Taken, allowed_px: float = LARGEST_PX) -> Taken:
     OutputError
         Where a lens differs by more than is allowed and nothing is worth having without.
     """
-    try:
-        _require_near(taken, allowed_px)
-    except OutputError as error:
-        if taken.without_lenses is None:
-            raise
-        less = taken.without_lenses
-        return replace(less, left_out=(*less.left_out, f"lenses: {error}"))
-    return taken
-
-
-def _require_near(taken: Taken, allowed_px: float = LARGEST_PX) -> None:
-    """Raise an OutputError where a lens differs by more than is allowed."""
     far = {
         name: refit
         for name, refit in taken.lenses.items()
         if not refit.largest_px <= (max(allowed_px, WORST_PX) if refit.returned else allowed_px)
     }
-    if far:
-        name, difference = max(far.items(), key=lambda item: item[1].largest_px)
-        msg = (
-            f"{name}: the other program's lens differs by {difference.largest_px:.3g} px somewhere "
-            f"in the image, more than {allowed_px:g} px; --allow {above(difference.largest_px)} "
-            "exports it nevertheless"
-        )
+    if not far:
+        return taken
+    name, difference = max(far.items(), key=lambda item: item[1].largest_px)
+    msg = (
+        f"{name}: the other program's lens differs by {difference.largest_px:.3g} px somewhere "
+        f"in the image, more than {allowed_px:g} px; --allow {above(difference.largest_px)} "
+        "exports it nevertheless"
+    )
+    if taken.without_lenses is None:
         raise OutputError(msg)
+    less = taken.without_lenses
+    return replace(less, left_out=(*less.left_out, f"lenses: {msg}"))
 
 
 def sentences(taken: Taken) -> tuple[str, ...]:
@@ -564,20 +499,6 @@ def sentences(taken: Taken) -> tuple[str, ...]:
         f"rms {refit.rms_px:.4f} px"
         for name, refit in taken.lenses.items()
     )
-
-
-def _statement(taken: Taken, *, title: str, origin: str) -> str:
-    """Return the text of export.md: lenses, conventions, and the parts left out."""
-    parts = {
-        "Lenses": sentences(taken),
-        "Conventions": taken.assumed,
-        "Left out": taken.left_out,
-    }
-    lines = [f"# {title}", "", f"{origin[0].upper()}{origin[1:]}.", ""]
-    for name, texts in parts.items():
-        if texts:
-            lines += [f"## {name}", "", *(f"- {text}" for text in texts), ""]
-    return "\n".join(lines)
 
 
 def write(taken: Taken, folder: Path, *, title: str, origin: str) -> None:
@@ -597,7 +518,12 @@ def write(taken: Taken, folder: Path, *, title: str, origin: str) -> None:
     OutputError
         Where the folder is somebody else's.
     """
-    texts = {**taken.files, STATEMENT: _statement(taken, title=title, origin=origin)}
+    said = [f"# {title}", "", f"{origin[0].upper()}{origin[1:]}.", ""]
+    parts = {"Lenses": sentences(taken), "Conventions": taken.assumed, "Left out": taken.left_out}
+    for name, remarks in parts.items():
+        if remarks:
+            said += [f"## {name}", "", *(f"- {remark}" for remark in remarks), ""]
+    texts = {**taken.files, STATEMENT: "\n".join(said)}
     with own_folder.claim(folder, signs=[STATEMENT]):
         for name in texts:
             (folder / name).parent.mkdir(parents=True, exist_ok=True)

@@ -7,7 +7,7 @@ program's documentation.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from xml.etree import ElementTree as ET
 
 import cv2
@@ -85,19 +85,16 @@ FRAME = (
 
 def _toml_cameras(calibrated: Calibrated) -> Taken:
     """Return the tables ``[cameras.NAME]`` with calibrated values, sigma as comments."""
+    synthetic, remarks = calibrated.flight.synthetic, list(ASSUMED)
+    if not calibrated.mounted:
+        remarks.append(NOT_MOUNTED)
+    elif synthetic is not None and synthetic.camera in [c.name for c in calibrated.cameras]:
+        remarks.append(FRAME.format(synthetic.camera))
     return Taken(
         files={FILE: "\n".join(_tables(calibrated))},
-        assumed=(*ASSUMED, *_remarks(calibrated)),
+        assumed=tuple(remarks),
         left_out=("correlations: they are in covariance.csv of the results",),
     )
-
-
-def _remarks(calibrated: Calibrated) -> Iterator[str]:
-    synthetic = calibrated.flight.synthetic
-    if not calibrated.mounted:
-        yield NOT_MOUNTED
-    elif synthetic is not None and synthetic.camera in [c.name for c in calibrated.cameras]:
-        yield FRAME.format(synthetic.camera)
 
 
 def _tables(calibrated: Calibrated) -> Iterator[str]:
@@ -189,60 +186,44 @@ def _micasense_cameras(calibrated: Calibrated) -> Taken:
     """Return a text of XMP tags for every head, and a table of all RigRelatives with sigma."""
     first = calibrated.cameras[0].name
     lenses = brown.square(calibrated)
-    rig = to_first(calibrated.calibration)
-    rows = list(enumerate(zip(calibrated.cameras, rig, strict=True)))
-    table = [MICASENSE_HEADER, *(_micasense_row(k, camera, head) for k, (camera, head) in rows)]
-    tags = [line for k, (c, head) in rows for line in _micasense_tags(k, c, head, lenses[c.name])]
+    table, tags, angles_alone = [MICASENSE_HEADER], list[str](), list[str]()
+    for k, head in enumerate(to_first(calibrated.calibration)):
+        camera = calibrated.cameras[k]
+        angles = np.degrees(head.T_v_r_h.opk) + 0.0  # no negative zeros
+        quoted = f'"{camera.name.replace(chr(34), chr(34) * 2)}"'
+        numbers = (f"{value:.6f}" for value in (*angles, *np.degrees(head.sigma_opk)))
+        table.append(",".join([quoted, str(k), *numbers]))
+        of_rig = [
+            f"Camera:RigCameraIndex = {k}",
+            f"Camera:RigRelatives = {_micasense_listed(*angles.tolist())}",
+            "Camera:RigRelativesReferenceRigCameraIndex = 0",
+            "",
+        ]
+        lens, mm = lenses[camera.name], camera.pixel_mm
+        distortion = (lens.k1, lens.k2, lens.k3, lens.p1, lens.p2)
+        angles_alone += [f"[{camera.name}]", *of_rig]
+        tags += [
+            f"[{camera.name}]",
+            "Camera:ModelType = perspective",
+            f"Camera:PrincipalPoint = {_micasense_listed(lens.hole.cx * mm, lens.hole.cy * mm)}",
+            f"Camera:PerspectiveFocalLength = {_micasense_listed(lens.hole.fx * mm)}",
+            "Camera:PerspectiveFocalLengthUnits = mm",
+            f"Camera:PerspectiveDistortion = {_micasense_listed(*distortion)}",
+            *of_rig,
+        ]
     assumed = (MICASENSE_ASSUMED[0].format(first, first), *MICASENSE_ASSUMED[1:])
-    angles = [line for k, (camera, head) in rows for line in _micasense_rig_tags(k, camera, head)]
-    return Taken(
+    without_lenses = Taken(
+        files={"rig_relatives.csv": lines(table), "xmp_tags.txt": lines(angles_alone)},
+        assumed=assumed[:1],
+        left_out=(MICASENSE_POSITIONS, BODY),
+    )
+    return replace(
+        without_lenses,
         files={"rig_relatives.csv": lines(table), "xmp_tags.txt": lines(tags)},
         lenses=brown.lenses(lenses),
         assumed=assumed,
-        left_out=(MICASENSE_POSITIONS, BODY),
-        without_lenses=Taken(
-            files={"rig_relatives.csv": lines(table), "xmp_tags.txt": lines(angles)},
-            assumed=assumed[:1],
-            left_out=(MICASENSE_POSITIONS, BODY),
-        ),
+        without_lenses=without_lenses,
     )
-
-
-def _micasense_row(index: int, camera: Camera, head: Relative) -> str:
-    angles, sigma = _micasense_angles(head), np.degrees(head.sigma_opk)
-    name = f'"{camera.name.replace(chr(34), chr(34) * 2)}"'
-    return ",".join([name, str(index), *(f"{v:.6f}" for v in (*angles, *sigma))])
-
-
-def _micasense_tags(index: int, camera: Camera, head: Relative, lens: Brown) -> Iterator[str]:
-    """Yield the tags of a head, under its name in brackets."""
-    mm = camera.pixel_mm
-    distortion = (lens.k1, lens.k2, lens.k3, lens.p1, lens.p2)
-    yield f"[{camera.name}]"
-    yield "Camera:ModelType = perspective"
-    yield f"Camera:PrincipalPoint = {_micasense_listed(lens.hole.cx * mm, lens.hole.cy * mm)}"
-    yield f"Camera:PerspectiveFocalLength = {_micasense_listed(lens.hole.fx * mm)}"
-    yield "Camera:PerspectiveFocalLengthUnits = mm"
-    yield f"Camera:PerspectiveDistortion = {_micasense_listed(*distortion)}"
-    yield from _micasense_of_rig(index, head)
-
-
-def _micasense_rig_tags(index: int, camera: Camera, head: Relative) -> Iterator[str]:
-    """Yield the tags of a head's place in the rig alone, under its name in brackets."""
-    yield f"[{camera.name}]"
-    yield from _micasense_of_rig(index, head)
-
-
-def _micasense_of_rig(index: int, head: Relative) -> Iterator[str]:
-    yield f"Camera:RigCameraIndex = {index}"
-    yield f"Camera:RigRelatives = {_micasense_listed(*_micasense_angles(head).tolist())}"
-    yield "Camera:RigRelativesReferenceRigCameraIndex = 0"
-    yield ""
-
-
-def _micasense_angles(head: Relative) -> Array:
-    """Return a, b, c of a head in degrees."""
-    return np.degrees(head.T_v_r_h.opk) + 0.0  # no negative zeros
 
 
 def _micasense_listed(*values: float) -> str:
@@ -269,12 +250,18 @@ COLMAP_WORLD = "the world is Cartesian, m: east, north, up at {}"
 
 def _colmap_cameras(calibrated: Calibrated) -> Taken:
     """Return cameras.txt and rigs.txt; the first camera is the reference of the rig."""
-    lenses = brown.of_all(calibrated)
+    lenses, rig = brown.of_all(calibrated), to_first(calibrated.calibration)
+    listed, rig_line = [], f"1 {len(rig)} CAMERA 1"
+    for i, (camera, head) in enumerate(zip(calibrated.cameras, rig, strict=True), start=1):
+        model = lenses[camera.name]
+        hole = (model.hole.fx, model.hole.fy, model.hole.cx + CORNER, model.hole.cy + CORNER)
+        values = [*hole, model.k1, model.k2, model.p1, model.p2, model.k3, 0.0, 0.0, 0.0]
+        size = f"{camera.width_px} {camera.height_px}"
+        listed.append(f"{i} FULL_OPENCV {size} {numbers(values)}")
+        if i > 1:
+            rig_line += f" CAMERA {i} 1 {_colmap_pose(head.T_v_r_h.inverse)}"
     return Taken(
-        files={
-            "cameras.txt": lines(_colmap_camera_lines(calibrated, lenses)),
-            "rigs.txt": lines([_colmap_rig_line(calibrated)]),
-        },
+        files={"cameras.txt": lines(listed), "rigs.txt": lines([rig_line])},
         lenses=brown.lenses(lenses),
         assumed=(COLMAP_ASSUMED[0], COLMAP_ASSUMED[1].format(calibrated.cameras[0].name)),
         left_out=(SIGMA, BODY),
@@ -283,69 +270,34 @@ def _colmap_cameras(calibrated: Calibrated) -> Taken:
 
 def _colmap_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
     """Return a model with oriented images, and without points."""
-    alone = _colmap_cameras(calibrated)
-    return Taken(
-        files={
-            **alone.files,
-            "frames.txt": lines(_colmap_frame_lines(calibrated, oriented)),
-            "images.txt": lines(_colmap_image_lines(calibrated, oriented)),
-            "points3D.txt": "# no points\n",
-        },
-        lenses=alone.lenses,
-        assumed=(*alone.assumed, COLMAP_WORLD.format(oriented.origin)),
-        left_out=(SIGMA, *_colmap_cut_names(oriented)),
-    )
-
-
-def _colmap_cut_names(oriented: Oriented) -> Iterator[str]:
-    """Yield a sentence on names that COLMAP reads up to their first blank."""
-    cut = [name for name in oriented.names if len(name.split(" ")) > 1]
-    if cut:
-        yield COLMAP_CUT.format(
-            counted(len(cut), "image"), repr(cut[0].split(" ")[0]), repr(cut[0])
-        )
-
-
-def _colmap_camera_lines(calibrated: Calibrated, lenses: dict[str, Brown]) -> Iterator[str]:
-    for i, camera in enumerate(calibrated.cameras, start=1):
-        model = lenses[camera.name]
-        hole = (model.hole.fx, model.hole.fy, model.hole.cx + CORNER, model.hole.cy + CORNER)
-        values = [*hole, model.k1, model.k2, model.p1, model.p2, model.k3, 0.0, 0.0, 0.0]
-        yield f"{i} FULL_OPENCV {camera.width_px} {camera.height_px} {numbers(values)}"
-
-
-def _colmap_rig_line(calibrated: Calibrated) -> str:
-    others = to_first(calibrated.calibration)[1:]
-    placed = [
-        f" CAMERA {i} 1 {_colmap_pose(head.T_v_r_h.inverse)}"
-        for i, head in enumerate(others, start=2)
-    ]
-    return f"1 {len(others) + 1} CAMERA 1{''.join(placed)}"
-
-
-def _colmap_frame_lines(calibrated: Calibrated, oriented: Oriented) -> Iterator[str]:
-    """Yield a line for each exposure: the pose of the rig, and its images."""
-    block, number = oriented.block, _colmap_numbers_of_cameras(calibrated, oriented)
+    alone, block = _colmap_cameras(calibrated), oriented.block
+    names = [camera.name for camera in calibrated.cameras]
+    number = [names.index(block.cameras[k].name) + 1 for k in block.images.camera_idx]
     T_m_r = block.trajectory.T_m_b @ calibrated.cameras[0].T_b_c
+    frames, images = [], []  # a line for each exposure with its images; two lines for each image
     for exposure in np.unique(block.images.exposure_idx):
         taken = np.flatnonzero(block.images.exposure_idx == exposure)
         data = "".join(f" CAMERA {number[i]} {i + 1}" for i in taken)
         pose = _colmap_pose(_colmap_from_world(T_m_r[exposure]))
-        yield f"{exposure + 1} 1 {pose} {len(taken)}{data}"
-
-
-def _colmap_image_lines(calibrated: Calibrated, oriented: Oriented) -> Iterator[str]:
-    """Yield two lines for each image, the second without points."""
-    number = _colmap_numbers_of_cameras(calibrated, oriented)
+        frames.append(f"{exposure + 1} 1 {pose} {len(taken)}{data}")
     for i, name in enumerate(oriented.names):
-        yield f"{i + 1} {_colmap_pose(_colmap_from_world(oriented.T_m_c[i]))} {number[i]} {name}"
-        yield ""
-
-
-def _colmap_numbers_of_cameras(calibrated: Calibrated, oriented: Oriented) -> list[int]:
-    names = [camera.name for camera in calibrated.cameras]
-    number_of = [names.index(camera.name) + 1 for camera in oriented.block.cameras]
-    return [number_of[k] for k in oriented.block.images.camera_idx]
+        pose = _colmap_pose(_colmap_from_world(oriented.T_m_c[i]))
+        images += [f"{i + 1} {pose} {number[i]} {name}", ""]
+    left_out = [SIGMA]
+    if cut := [name for name in oriented.names if " " in name]:
+        said = (counted(len(cut), "image"), repr(cut[0].split(" ")[0]), repr(cut[0]))
+        left_out.append(COLMAP_CUT.format(*said))
+    return Taken(
+        files={
+            **alone.files,
+            "frames.txt": lines(frames),
+            "images.txt": lines(images),
+            "points3D.txt": "# no points\n",
+        },
+        lenses=alone.lenses,
+        assumed=(*alone.assumed, COLMAP_WORLD.format(oriented.origin)),
+        left_out=tuple(left_out),
+    )
 
 
 def _colmap_from_world(T_m_c: Pose) -> Pose:
@@ -379,9 +331,9 @@ METASHAPE_PARAMS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "p1", "p2")
 """Parameters, in the order in which they are written."""
 
 METASHAPE_VALUES = np.zeros((10, 10))
-"""d(PARAMS) / d(fx, fy, cx, cy, k1, k2, k3, p1, p2, skew)."""
+"""d(PARAMS) / d(fx, fy, cx, cy, skew, k1, k2, p1, p2, k3)."""
 METASHAPE_VALUES[[0, 1, 2, 3, 3], [1, 2, 3, 0, 1]] = [1, 1, 1, 1, -1]
-METASHAPE_VALUES[[4, 5, 6, 7, 8, 9], [9, 4, 5, 6, 8, 7]] = 1
+METASHAPE_VALUES[[4, 5, 6, 7, 8, 9], [4, 5, 6, 9, 8, 7]] = 1
 
 
 def _metashape_cameras(calibrated: Calibrated) -> Taken:
