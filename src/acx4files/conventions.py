@@ -15,7 +15,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyproj
@@ -24,7 +24,7 @@ from acx4lib.block import Block, ImagePoints
 from acx4lib.design import strip_of_exposure
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera, Interior, correct, correct_jacobian, xy_from_colrow
-from acx4lib.geometry.collinearity import pinhole, pinhole_jacobian, to_camera
+from acx4lib.geometry.collinearity import pinhole, pinhole_jacobian, rays, to_camera
 from acx4lib.geometry.frames import (
     Pose,
     exp,
@@ -40,18 +40,6 @@ from acx4lib.geometry.intersection import intersect
 
 Numbers = Mapping[str, Array]
 """The numeric columns of a trajectory, in either form."""
-
-
-class Recorded(Protocol):
-    """A trajectory as its file has it."""
-
-    @property
-    def text(self) -> Mapping[str, Sequence[str]]:
-        """Names, with the column exposure."""
-
-    @property
-    def numbers(self) -> Numbers:
-        """All other columns that are known."""
 
 
 # --- The usual readings of trajectories, control and pixels, the simplest first
@@ -82,8 +70,6 @@ class Moves(NamedTuple):
     says : callable
         Returns the meaning from the numbers, each multiplied by its unit.
     units : tuple of float
-    sigma : float
-        Prior standard deviation of the numbers.
     starts : tuple of float
         Numbers to begin with, of which the best is taken.
     """
@@ -92,7 +78,6 @@ class Moves(NamedTuple):
     by: Array
     says: Callable[..., str]
     units: tuple[float, ...]
-    sigma: float = np.inf
     starts: tuple[float, ...] = (0.0,)
 
     def applied(
@@ -367,19 +352,18 @@ class _Case:
                 yield reading, seen, T_m_b
 
 
-def _case(block: Block, trajectory: Recorded, seen: Sightings, enh: Array | None = None) -> _Case:
-    """Return the case of some sightings; of a long trajectory only their rows and neighbours."""
+def _case(block: Block, trajectory: Any, seen: Sightings, enh: Array | None = None) -> _Case:
+    """Return the case of some sightings."""
     place = {name: row for row, name in enumerate(trajectory.text["exposure"])}
     rows = np.array([place[block.trajectory.exposures[i]] for i in seen.exposures], dtype=np.intp)
-    near = np.unique(np.clip(rows[:, None] + [-1, 0, 1], 0, len(place) - 1))
     known = np.isfinite(seen.x_m[:, 0])
     given = block.frame.to_grid(seen.x_m[known]) if enh is None else enh[known]
     return _Case(
         frame=block.frame,
         seen=seen,
         T_m_b=block.trajectory.T_m_b[seen.exposures],
-        numbers={name: values[near] for name, values in trajectory.numbers.items()},
-        rows=np.searchsorted(near, rows),
+        numbers=trajectory.numbers,
+        rows=rows,
         known=known,
         control=_columns((*EAST_NORTH, "height_m"), given),
     )
@@ -410,7 +394,7 @@ def _of_pixels(case: _Case) -> Iterator[Reading]:
         yield Reading("image_points", columns, says, "image", {"colrow": colrow})
     against = (ahead @ ahead[0] < 0)[seen.exposure_idx]
     for back in (against, ~against) if 0 < against.mean() < 1 else ():
-        says = "images of the strips in one direction turned by 180 degrees (shown north up)"
+        says = "of strips in one direction turned by 180 degrees (shown north up)"
         colrow = np.where(back[:, None], size - 1 - seen.colrow, seen.colrow)
         yield Reading("image_points", ("col_px", "row_px"), says, "image", {"colrow": colrow})
 
@@ -423,9 +407,6 @@ def _sizes(seen: Sightings) -> Array:
 LEAST_SURVEYED = 4
 """Number of surveyed points from which they may be moved or scaled."""
 
-DELAY_S = 10.0
-"""Prior sigma of a delay, s: where a lever arm may be the same, it is a delay."""
-
 SCALES = (0.0, -0.4, -0.2, 0.2, 0.4)
 """Scales of images to begin with, since steps do not lead from one to another."""
 
@@ -436,7 +417,7 @@ def _numbered(block: Block, seen: Sightings, T_m_b: Pose) -> Iterator[Reading]:
     from_middle = (seen.colrow - (_sizes(seen) - 1) / 2)[:, :, None]
     moves = []
     if velocity is not None:
-        moves.append(Moves("r", velocity[:, :, None], _delayed, (1.0,), sigma=DELAY_S))
+        moves.append(Moves("r", velocity[:, :, None], _delayed, (1.0,)))
     if surveyed.sum() >= LEAST_SURVEYED:
         shift = np.where(surveyed[:, None, None], np.eye(3), 0.0)
         scale = np.nan_to_num(seen.x_m - np.nanmean(seen.x_m, axis=0))[:, :, None]
@@ -547,14 +528,14 @@ def _ratio(seen: Sightings, T_m_b: Pose) -> Array:
 
 
 def contradictions(
-    block: Block, trajectory: Recorded, enh: Array, files: Mapping[str, str]
+    block: Block, trajectory: Any, enh: Array, files: Mapping[str, str]
 ) -> Iterator[Contradiction]:
     """Yield a problem where the median distance exceeds a quarter of the image diagonal.
 
     Parameters
     ----------
     block : Block
-    trajectory : Recorded
+    trajectory : acx4files.flight.tables.Table
         Of the block.
     enh : ndarray, shape (n_points, 3)
         East, north and height of the surveyed points as they were given; NaN for tie points.
@@ -577,7 +558,7 @@ def contradictions(
             yield found if found.table else found._replace(table="control_points")
 
 
-def _part(block: Block, trajectory: Recorded, seen: Sightings, enh: Array, chosen: Mask) -> _Case:
+def _part(block: Block, trajectory: Any, seen: Sightings, enh: Array, chosen: Mask) -> _Case:
     """Return the case of the chosen measurements, or of every so many."""
     rows = np.flatnonzero(chosen)[:: -(-int(chosen.sum()) // EXPLAINED_BY)]
     some = replace(
@@ -651,10 +632,10 @@ def _turned_axes(declared: Sequence[Camera], cameras: Sequence[Camera]) -> str:
     listed = [f"{name} {o:.0f}, {p:.0f}, {k:.0f}" for name, (o, p, k) in opk.items()]
     listed = [*listed[:NAMED], "…"] if len(listed) > NAMED else listed
     body = len(cameras) == 1 and np.allclose(cameras[0].T_b_c.R, np.eye(3), atol=NO_TURN)
+    of_camera = ", or the angles are of the camera, not of the body" if body else ""
     return (
         f"the camera axes were turned{by}: mount_omega_deg, mount_phi_deg, mount_kappa_deg of "
-        f"{'; '.join(listed)} would fit"
-        + (", or the angles are of the camera, not of the body" if body else "")
+        f"{'; '.join(listed)} would fit{of_camera}"
     )
 
 
@@ -725,20 +706,15 @@ class Found:
     @property
     def sentence(self) -> str:
         """A sentence on the reading, with its residuals and those of the given reading."""
-        figure = _shown(self.found, self.unit)
-        if not np.isfinite(self.given):
-            return (
-                f"with {self.name} the residuals of {self.quantity} are {figure}; as the numbers "
-                "are, rays do not meet"
-            )
-        if not np.isfinite(self.found):
-            given = _shown(self.given, self.unit)
-            return f"the residuals of {self.quantity} are {given}: {self.name}"
-        change = "fall" if self.found < self.given else "rise"
-        return (
-            f"with {self.name} the residuals of {self.quantity} {change} "
-            f"from {_shown(self.given, self.unit)} to {figure}"
-        )
+        of, given, found = f"the residuals of {self.quantity}", self.given, self.found
+        if not np.isfinite(given):
+            says = f"with {self.name} {of} are {_shown(found, self.unit)}"
+            return f"{says}; as the numbers are, rays do not meet"
+        if not np.isfinite(found):
+            return f"{of} are {_shown(given, self.unit)}: {self.name}"
+        change = "fall" if found < given else "rise"
+        numbers = f"from {_shown(given, self.unit)} to {_shown(found, self.unit)}"
+        return f"with {self.name} {of} {change} {numbers}"
 
 
 def _shown(value: float, unit: str) -> str:
@@ -823,10 +799,8 @@ def _best(fits: list[_Fit], given: Mounted, seen: Sightings) -> Found | None:
 
 def _turn(fit: Mounted, seen: Sightings) -> float:
     """Return the largest turn of a camera from its declared boresight, radians."""
-    return max(
-        float(np.linalg.norm(log(declared.T_b_c.R.T @ camera.T_b_c.R)))
-        for camera, declared in zip(fit.cameras, seen.cameras, strict=True)
-    )
+    pairs = zip(fit.cameras, seen.cameras, strict=True)
+    return max(float(np.linalg.norm(log(old.T_b_c.R.T @ new.T_b_c.R))) for new, old in pairs)
 
 
 def _found(given: Mounted, fit: Mounted, reading: Reading, seen: Sightings, T_m_b: Pose) -> Found:
@@ -896,44 +870,38 @@ def other_unit(block: Block, seen: Sightings, given: Mounted) -> Found | None:
     """
     if given.held:
         return None
-    T_m_b = block.trajectory.T_m_b[seen.exposures]
-    noise = measuring_noise(seen, T_m_b, given)
-    camera = given.cameras[0]
-    px = camera.pixel_mm / camera.interior.f
-    measured = px * _usual(block.image_points.sigma_px)
-    units = [("image measurements", {"mm": 1 / camera.pixel_mm}, noise / measured, 0.0)]
-    range_m = _range_m(seen, T_m_b, given)
+    T_m_b, camera = block.trajectory.T_m_b[seen.exposures], given.cameras[0]
+    noise, range_m = measuring_noise(seen, T_m_b, given), _range_m(seen, T_m_b, given)
+    measured = camera.pixel_mm / camera.interior.f * _usual(block.image_points.sigma_px)
     position = _usual(block.trajectory.sigma_position[seen.exposures]) / range_m
     attitude = _usual(block.trajectory.sigma_attitude[seen.exposures, :2])
-    for quantity, known, sigma, other in (
-        ("attitude", ANGLE_UNITS, attitude, position),
-        ("position", LENGTH_UNITS, position, attitude),
+    alone = ALONE_M[0] <= position * range_m <= ALONE_M[1]
+    for quantity, units, misfit, sigma, others in (
+        ("image measurements", {"mm": 1 / camera.pixel_mm}, noise, measured, 0.0),
+        ("attitude", ANGLE_UNITS, given.misfit, attitude, np.hypot(position, noise)),
+        (
+            "position",
+            {} if alone else LENGTH_UNITS,
+            given.misfit,
+            position,
+            np.hypot(attitude, noise),
+        ),
     ):
-        units.append((quantity, known, given.misfit / sigma, np.hypot(other, noise) / sigma))
-    if ALONE_M[0] <= position * range_m <= ALONE_M[1]:
-        _, _, misfit, others = units.pop()
-        units.append(("position", {SHARED: np.nan}, misfit, others))
-    return next((unit for row in units for unit in _right(*row)), None)
+        before = misfit / np.hypot(sigma, others)
+        if alone and quantity == "position" and before < 1 / OFF:
+            return Found(name=SHARED, quantity=quantity, given=before, found=np.nan, unit="σ")
+        for unit, factor in units.items() if before > OFF or before < 1 / OFF else ():
+            after = misfit / np.hypot(factor * sigma, others)
+            if 1 / RIGHT < after < RIGHT:
+                name = f"sigma of {quantity} in {unit}"
+                return Found(name=name, quantity=quantity, given=before, found=after, unit="σ")
+    return None
 
 
 def _usual(sigma: Array) -> float:
     """Return the median of the standard deviations that are known, NaN for none."""
     known = sigma[np.isfinite(sigma)]
     return float(np.median(known)) if len(known) else np.nan
-
-
-def _right(quantity: str, units: dict[str, float], misfit: float, others: float) -> Iterator[Found]:
-    """Yield the units in which a misfit agrees with sigma."""
-    before = misfit / np.hypot(1.0, others)
-    if not (before > OFF or before < 1 / OFF):
-        return
-    for unit, factor in units.items():
-        if np.isnan(factor) and before < 1 / OFF:
-            yield Found(name=unit, quantity=quantity, given=before, found=np.nan, unit="σ")
-        after = misfit / np.hypot(factor, others)
-        if 1 / RIGHT < after < RIGHT:
-            name = f"sigma of {quantity} in {unit}"
-            yield Found(name=name, quantity=quantity, given=before, found=after, unit="σ")
 
 
 # --- Robust adjustment of the cameras' mountings on a trajectory assumed exact: eq. (14)
@@ -1004,6 +972,10 @@ class Mounted:
     held: bool = False
 
 
+AHEAD = Pose(R=np.eye(3), r=np.zeros(3))
+"""Pose whose axes are the camera's."""
+
+
 def mounted(seen: Sightings, T_m_b: Pose, moves: Moves = STILL) -> Mounted:
     """Return the mountings and interior orientations that fit a trajectory best.
 
@@ -1045,11 +1017,8 @@ def started(seen: Sightings, T_m_b: Pose) -> Mounted:
     ray_c, cameras = np.empty((len(seen), 3)), list(seen.cameras)
     for k, camera in enumerate(cameras):
         mine = seen.camera_idx == k
-        xy = correct(camera.interior, xy_from_colrow(camera, seen.colrow[mine]))
-        ray_c[mine] = np.column_stack([xy, np.full(len(xy), -camera.interior.f)])
-    ray_c /= np.linalg.norm(ray_c, axis=1, keepdims=True)
-    for k, camera in enumerate(cameras):
-        rows = np.flatnonzero((seen.camera_idx == k) & np.isfinite(seen.x_m[seen.point_idx, 0]))
+        ray_c[mine] = rays(camera, AHEAD, seen.colrow[mine])
+        rows = np.flatnonzero(mine & np.isfinite(seen.x_m[seen.point_idx, 0]))
         if len(rows) < 3:
             continue
         targets = to_camera(body[rows], seen.x_m[seen.point_idx[rows]]) - camera.T_b_c.r
@@ -1082,7 +1051,7 @@ def _turned(R_b_c: Array, ray_c: Array, to_b: Array) -> Array:
 def _adjusted(seen: Sightings, T_m_b: Pose, start: Mounted, moves: Moves) -> Mounted:
     """Return the robust adjustment from a start."""
     prior = _prior_sigma(seen.cameras, held=start.held)
-    prior = np.concatenate([prior, np.full(len(moves.units), moves.sigma)])
+    prior = np.concatenate([prior, np.full(len(moves.units), np.inf)])
     best = state = replace(start, misfit=np.inf)
     for _ in range(STEPS):
         v, A, B = _linear(seen, T_m_b, state, moves)

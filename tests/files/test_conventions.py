@@ -228,7 +228,7 @@ def test_a_delay_is_told_from_a_lever_arm_that_cannot_be(mounted_block):
     speed = 70.0 * mounted_block.trajectory.T_m_b.R[seen.exposures, :, 0]
     late = Pose(R=body(mounted_block, seen).R, r=body(mounted_block, seen).r + 0.5 * speed)
     assert mounted(seen, late).misfit > 0.005  # of 35 m in 600 m to 1000 m; the boresight helps
-    found = mounted(seen, late, Moves("r", speed[:, :, None], str, (1.0,), sigma=10.0))
+    found = mounted(seen, late, Moves("r", speed[:, :, None], str, (1.0,)))
     assert_allclose(found.sizes, [-0.5], atol=0.01)
     assert found.misfit < 1e-4
 

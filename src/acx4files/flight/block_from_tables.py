@@ -12,15 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from acx4files import conventions
+from acx4files.conventions import lonlat_of, poses
 from acx4files.flight.problems import ABSENT, NO_ROWS, RANGES, Problem
 from acx4files.flight.settings import Setup
 from acx4files.flight.table_files import read_columns
 from acx4files.flight.tables import SCHEMAS, SIGMA_ATTITUDE, SIGMA_POSITION, Table
 from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.geometry.frames import Pose
-from acx4lib.geometry.geodesy import GridSystem, MappingFrame, mean_origin
+from acx4lib.geometry.geodesy import MappingFrame, mean_origin
 
 BLOCKS = ("heads", "calibration", "validation")
 TABLES = ("images", "image_points", "trajectory")
@@ -145,11 +144,6 @@ def measured_control(tables: BlockTables) -> Mask:
     return np.array([name in tables.rays for name in tables.control.text["point"]], dtype=bool)
 
 
-def lonlat_of(trajectory: Table, grid: GridSystem) -> Array:
-    """Return longitude and latitude of a trajectory in either form, degrees, shape (n, 2)."""
-    return conventions.lonlat_of(trajectory.numbers, grid)
-
-
 def assemble(tables: BlockTables, setup: Setup) -> Block:
     """Assemble the block from tables without problems.
 
@@ -160,7 +154,7 @@ def assemble(tables: BlockTables, setup: Setup) -> Block:
         points that are not measured.
     """
     used = used_exposures(tables)
-    frame = mean_origin(setup.grid, lonlat_of(tables.trajectory, setup.grid)[used])
+    frame = mean_origin(setup.grid, lonlat_of(tables.trajectory.numbers, setup.grid)[used])
     trajectory = _trajectory(tables.trajectory, used, frame, setup)
     points = tuple(tables.rays)
     surveyed, is_check = _surveyed(tables, points, frame)
@@ -212,7 +206,7 @@ def _trajectory(table: Table, used: Mask, frame: MappingFrame, setup: Setup) -> 
     apriori = setup.apriori
     gnss = (apriori.gnss_horizontal_m, apriori.gnss_horizontal_m, apriori.gnss_vertical_m)
     ins = (apriori.roll_pitch_deg, apriori.roll_pitch_deg, apriori.heading_deg)
-    T_m_b = poses(table.select(used), frame)
+    T_m_b = poses(table.select(used).numbers, frame)
     return Trajectory(
         exposures=tuple(np.array(table.text["exposure"], dtype=object)[used]),
         T_m_b=T_m_b,
@@ -223,11 +217,6 @@ def _trajectory(table: Table, used: Mask, frame: MappingFrame, setup: Setup) -> 
         slow_positions=apriori.slow_positions,
         slow_attitudes=apriori.slow_attitudes,
     )
-
-
-def poses(table: Table, frame: MappingFrame) -> Pose:
-    """Return the poses T_m_b of a trajectory in either form, one for every row."""
-    return conventions.poses(table.numbers, frame)
 
 
 def _surveyed(

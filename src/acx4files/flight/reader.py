@@ -16,14 +16,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyproj
 
-from acx4files.conventions import FOOT, contradictions, misses
+from acx4files.conventions import FOOT, contradictions, lonlat_of, misses
 from acx4files.flight.block_from_tables import (
     BLOCKS,
     TABLES,
     BlockTables,
     assemble,
     index_of,
-    lonlat_of,
     measured_control,
     read_block,
     used_exposures,
@@ -664,7 +663,7 @@ def _position_problems(tables: BlockTables, grid: GridSystem) -> Iterator[Proble
 
 def _off_map(table: Table, rows: Index, grid: GridSystem) -> Iterator[Problem]:
     """Yield rows in degrees where metres are meant, and rows outside the CRS or the geoid grid."""
-    crs, lonlat, column = quoted(grid.crs)[1:-1], lonlat_of(table, grid), "lat_deg"
+    crs, lonlat, column = quoted(grid.crs)[1:-1], lonlat_of(table.numbers, grid), "lat_deg"
     on_earth = np.isfinite(lonlat.sum(axis=1))
     if "east_m" in table.numbers:
         column, xy = "east_m", table.stack("east_m", "north_m")  # noqa: PD013 a flight's table
@@ -747,7 +746,7 @@ def _without_single_rows(tables: BlockTables, grid: GridSystem) -> BlockTables:
     of the block's exposures as well, because a single exposure may be too low itself.
     """
     rows = np.flatnonzero(measured_control(tables))
-    lonlat = lonlat_of(tables.control, grid)[rows]
+    lonlat = lonlat_of(tables.control.numbers, grid)[rows]
     on_earth = np.flatnonzero(np.isfinite(lonlat).all(axis=1))
     wrong = np.ones(len(rows), dtype=bool)
     wrong[on_earth] = ~np.isfinite(grid.undulation(lonlat[on_earth]))
