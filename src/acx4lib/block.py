@@ -215,6 +215,18 @@ def unobserved(block: Block) -> bool:
     return not all(np.isfinite(sigma).all(axis=1).any() for sigma in parts)
 
 
+def no_datum(block: Block) -> str:
+    """Return a sentence on what a block lacks to lie anywhere; empty where it lacks nothing."""
+    n, observed = len(block.control), np.isfinite(block.trajectory.sigma_position).any()
+    if n >= 3 or observed:
+        return ""
+    return (
+        f"{block.name}: {shown.count(n, 'control point')} and no position with sigma leave open "
+        "where the block lies, and its scale: add three control points that are not on one line to "
+        "control_points.csv, or sigma_east_m, sigma_north_m and sigma_height_m to trajectory.csv"
+    )
+
+
 NO_POINTS = SurveyedPoints(
     point_idx=np.zeros(0, dtype=np.intp), x_m=np.zeros((0, 3)), sigma_m=np.zeros((0, 3))
 )

@@ -180,15 +180,15 @@ TOGETHER = {
         ("apriori", "attitude_correlated_share"): 0.5,
         ("apriori", "attitude_correlation_s"): 300.0,
     },
-    "held lever arm and delays": {
+    "held lever arm and delay": {
         ("stages", "mounting", "fix"): ["lever_arm"],
-        ("stages", "mounting", "gnss"): ["drift", "delay", "attitude_delay", "shift"],
+        ("stages", "mounting", "gnss"): ["drift", "delay", "shift"],
         ("stages", "mounting", "attitude"): ["deviation"],
     },
 }
 """Settings that are run through the notebooks of the flight of one camera, some at a time."""
 
-USUAL = ("surveyed lever arm", "held lever arm and delays")
+USUAL = ("surveyed lever arm", "held lever arm and delay")
 """Of these, in the usual tests, without notebooks."""
 
 

@@ -196,7 +196,6 @@ _LABELS = {
     "boresight_kappa_deg": "boresight $\\kappa$",
     **{f"gnss_shift_{axis}_m": f"GNSS shift, {axis}" for axis in AXES},
     "gnss_delay_s": "GNSS delay",
-    "attitude_delay_s": "Delay of attitudes",
     "deviation_sin_deg": "Deviation of headings, by their sine",
     "deviation_cos_deg": "Deviation of headings, by their cosine",
     "Xc_mm": "$X_c$",

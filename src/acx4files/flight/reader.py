@@ -43,14 +43,13 @@ from acx4files.flight.table_files import Columns, named_file, table_in_memory
 from acx4files.flight.tables import SCHEMAS, Table
 from acx4files.flight.toml_file import Toml, read_toml
 from acx4lib import expected, shown
-from acx4lib.block import Block, block_row, synthetic_images
+from acx4lib.block import Block, block_row, no_datum, synthetic_images
 from acx4lib.design import SAME_HEIGHT, flying_heights
 from acx4lib.errors import FlightError, visible
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import INTERIOR, Camera, inside
 from acx4lib.geometry.collinearity import refraction_taken_up
 from acx4lib.geometry.geodesy import LOCAL, GridSystem
-from acx4lib.geometry.parameters import DELAYS
 from acx4lib.least_squares.covariance import medians
 
 if TYPE_CHECKING:
@@ -523,12 +522,12 @@ def _time_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
     asked = asked if isinstance(asked, list) else []
     if not any(tables.images.text.get("strip", ())):
         cure = f"needs strips in {tables.images.file}, column strip"
-        for name in (name for name in asked if name in ("drift", *DELAYS)):
+        for name in (name for name in asked if name in ("drift", "delay")):
             yield toml.problem(keys, repr(name), cure)
     if len(tables.trajectory) and not tables.trajectory.has("time_s"):
         cure = f"needs times in {tables.trajectory.file}, column time_s"
-        for name in (name for name in asked if name in DELAYS):
-            yield toml.problem(keys, repr(name), cure)
+        if "delay" in asked:
+            yield toml.problem(keys, repr("delay"), cure)
         for key in ("gnss_correlation_s", "attitude_correlation_s"):
             if key in (apriori := toml.table("apriori")):
                 yield toml.problem(("apriori", key), quoted(apriori[key]), cure)
@@ -817,11 +816,8 @@ def _datum_notes(block: Block) -> Iterator[str]:
             f"{block.name}: the trajectory {lack} {unknown}, which are start values alone; "
             f"{parts} are held"
         )
-    if len(block.control) < ENOUGH and not _observed(block):
-        yield (
-            f"{block.name}: neither three control points nor positions with sigma fix where the "
-            "block lies: it is a free network of unknown scale"
-        )
+    if lack := no_datum(block):
+        yield lack
 
 
 def _observed(block: Block) -> bool:

@@ -326,8 +326,8 @@ def stripes(
             done = ahead.result()
             if start < rows:
                 ahead = pool.submit(stripe, start)
-            yield done
             tell(min(start, rows), rows)
+            yield done
 
 
 # --- One response of a flight's heads from a few exposures, so that neighbouring images agree

@@ -225,10 +225,11 @@ def is_cut_off(path: Path) -> bool:
 
 def _is_cut_tiff(path: Path) -> bool:
     """Tell whether a TIFF ends before its tags or its pixels do."""
+    with path.open("rb") as file:
+        if file.read(2) not in (b"II", b"MM"):  # none, which is reported where the file is read
+            return False
     try:
         with tiff_files.in_silence(), tifffile.TiffFile(path) as tiff:
             return tiff_files.end_of_pixels(tiff) > path.stat().st_size
-    except tifffile.TiffFileError:  # none, which is reported where the file is read
-        return False
-    except _BROKEN:
+    except (tifffile.TiffFileError, *_BROKEN):
         return True

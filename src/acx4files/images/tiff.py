@@ -21,7 +21,7 @@ import tifffile
 from acx4files.results import whole_files
 from acx4lib.expected import Raster
 from acx4lib.least_squares import processors
-from acx4lib.synthetic_image.compiled import halve_into
+from acx4lib.synthetic_image.rendering import halve
 
 TILE = 512
 """Rows and columns of a tile; the last overview is not larger."""
@@ -137,7 +137,7 @@ def write(  # noqa: PLR0913 what, how and where
     ):
         for level, size in enumerate(sizes):
             if level > 1:
-                halve_into(smaller[level - 1], smaller[level - 2])
+                halve(smaller[level - 1], smaller[level - 2])
             rows = _halved(stripes, smaller[:1]) if level == 0 else _stripes(smaller[level - 1])
             tiff.write(
                 _tiles(rows),
@@ -173,7 +173,7 @@ def _halved(stripes: Iterable[Raster], smaller: list[Raster]) -> Iterator[Raster
     row = 0
     for stripe in stripes:
         for overview in smaller:
-            halve_into(overview[row : row + TILE // 2], stripe)
+            halve(overview[row : row + TILE // 2], stripe)
         yield stripe
         row += TILE // 2
 

@@ -23,9 +23,9 @@ from acx4lib.bundle.network import Network, camera_poses
 from acx4lib.bundle.observations import (
     PoseObservations,
     Strips,
-    motion_of,
     observed_poses,
     strips_of,
+    velocities,
 )
 from acx4lib.bundle.rejections import Rejection, Stopped
 from acx4lib.bundle.start import (
@@ -45,7 +45,7 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import SMALLEST_F_MM, Camera, mountings
 from acx4lib.geometry.collinearity import REFRACTION, mounted_jacobian
 from acx4lib.geometry.frames import Pose
-from acx4lib.geometry.parameters import ATTITUDE, DELAYS, MOUNT, TRAJECTORY
+from acx4lib.geometry.parameters import ATTITUDE, MOUNT, TRAJECTORY
 from acx4lib.least_squares import adjustment, processors
 from acx4lib.least_squares.adjustment import Solution
 from acx4lib.least_squares.covariance import propagate
@@ -158,8 +158,7 @@ def mounted_orientation(
     gnss : sequence of str
         Errors of the trajectory to estimate, names of `parameters.TRAJECTORY`: a ``"shift"`` of
         the block, without height where the lever arm's z is estimated; a ``"drift"`` of each strip;
-        a ``"delay"`` of the positions, an ``"attitude_delay"`` of the attitudes; a ``"deviation"``
-        of the headings.
+        a ``"delay"`` of the positions; a ``"deviation"`` of the headings.
     turns : ndarray, shape (3,), optional
         Standard deviation of the turns of an exposure's pictures against each other, about the
         body's axes, radians: every picture then has a pose of its own. By default they share one.
@@ -169,15 +168,14 @@ def mounted_orientation(
     Raises
     ------
     AdjustmentError
-        Where drifts are asked for and the block has no strips; for delays as
-        `observations.motion_of`.
+        Where drifts are asked for and the block has no strips; for a delay as
+        `observations.velocities`.
     ValueError
         For an unknown name.
     """
     expected.names_of("gnss", gnss, TRAJECTORY)
     trajectory = block.trajectory
     strips = strips_of(block) if "drift" in gnss else Strips()
-    delayed = [name for name in DELAYS if name in gnss]
     if "drift" in gnss and not strips.names:
         msg = "no strip has two exposures to drift between: images.csv needs its column strip"
         raise AdjustmentError(msg)
@@ -197,14 +195,14 @@ def mounted_orientation(
             free_mount=free_mount,
             free_shift=free_shift(gnss, free_mount),
             n_drifts=len(strips.names),
-            recorded=[name for name in (*DELAYS, *ATTITUDE) if name in gnss],
+            recorded=[name for name in ("delay", *ATTITUDE) if name in gnss],
         ),
         observed=observed_poses(
             trajectory,
             rows,
             turns=turns,
             strips=strips,
-            motion=motion_of(block, delays=delayed) if delayed else None,
+            velocity=velocities(block) if "delay" in gnss else None,
         ),
         T_b_c=mountings(block.cameras),
         refraction=refraction,

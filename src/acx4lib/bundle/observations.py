@@ -20,7 +20,6 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose, exp, log, log_jacobian, transform
-from acx4lib.geometry.parameters import DELAYS
 from acx4lib.least_squares.covariance import GaussMarkov
 from acx4lib.least_squares.normal_equations import Equations
 from acx4lib.least_squares.statistics import Correlation, SlowErrors
@@ -136,8 +135,8 @@ class PoseObservations:
         About the pose's own axes, radians; infinite where an attitude is not observed.
     strips : Strips
         Strips along which positions drift; none by default.
-    motion : Motion, optional
-        Velocity and rate of rotation, needed where a delay is estimated.
+    velocity : ndarray, shape (n_poses, 3), optional
+        Along the grid's axes, m/s, needed where a delay is estimated.
     slow_positions, slow_attitudes : SlowErrors, optional
         The correlated part of their errors; none by default.
     pictures : Pictures, optional
@@ -154,7 +153,7 @@ class PoseObservations:
     sigma_position: Array
     sigma_attitude: Array
     strips: Strips = field(default_factory=Strips)
-    motion: Motion | None = None
+    velocity: Array | None = None
     slow_positions: SlowErrors | None = None
     slow_attitudes: SlowErrors | None = None
     pictures: Pictures | None = None
@@ -237,7 +236,7 @@ def observed_poses(
     *,
     turns: Array | None,
     strips: Strips,
-    motion: Motion | None,
+    velocity: Array | None,
 ) -> PoseObservations:
     """Return the observations of poses by a trajectory.
 
@@ -250,8 +249,8 @@ def observed_poses(
         Of pictures, as in `Pictures`, where each picture has a pose; None where each exposure has.
         The trajectory observes the first picture of an exposure.
     strips : Strips
-    motion : Motion or None
-        Of the exposures, as `strips_of` and `motion_of` return them.
+    velocity : ndarray or None
+        Of the exposures, as `strips_of` and `velocities` return them.
     """
     pictures, later = None, np.zeros(len(rows), dtype=bool)
     if turns is not None:
@@ -260,15 +259,15 @@ def observed_poses(
         later = pictures.first != np.arange(len(rows))
         if strips.names:
             strips = replace(strips, idx=strips.idx[rows], elapsed=strips.elapsed[rows])
-        if motion is not None:
-            motion = Motion(velocity=motion.velocity[rows], rate=motion.rate[rows])
+        if velocity is not None:
+            velocity = velocity[rows]
     return PoseObservations(
         T_m_b=trajectory.T_m_b[rows],
         R_g_m=trajectory.R_g_m[rows],
         sigma_position=np.where(later[:, None], np.inf, trajectory.sigma_position[rows]),
         sigma_attitude=np.where(later[:, None], np.inf, trajectory.sigma_attitude[rows]),
         strips=strips,
-        motion=motion,
+        velocity=velocity,
         slow_positions=slow_errors(trajectory, "position", rows),
         slow_attitudes=slow_errors(trajectory, "attitude", rows),
         pictures=pictures,
@@ -294,7 +293,7 @@ def position_errors(observed: PoseObservations, state: State) -> Array:
     strips = observed.strips
     of_strip: Array = np.vstack([state.drift, np.zeros(3)])[strips.idx]
     errors: Array = state.shift + strips.elapsed[:, None] * of_strip
-    return errors if observed.motion is None else errors + state.delay[0] * observed.motion.velocity
+    return errors if observed.velocity is None else errors + state.delay * observed.velocity
 
 
 def position_equations(observed: PoseObservations, state: State, columns: Layout) -> Equations:
@@ -307,9 +306,9 @@ def position_equations(observed: PoseObservations, state: State, columns: Layout
     if len(columns.drift):
         A.append(strips.elapsed[:, None, None] * np.eye(3))
         where.append(np.vstack([columns.drift, np.full(3, -1)])[strips.idx])
-    if observed.motion is not None and columns.delay[0] >= 0:
-        A.append(observed.motion.velocity[:, :, None])
-        where.append(np.tile(columns.delay[:1], (n, 1)))
+    if observed.velocity is not None and columns.delay[0] >= 0:
+        A.append(observed.velocity[:, :, None])
+        where.append(np.tile(columns.delay, (n, 1)))
     v = transform(observed.R_g_m, state.T_m_b.r - observed.T_m_b.r)
     return Equations(
         kind="gnss",
@@ -331,27 +330,20 @@ def deviating(observed: PoseObservations, state: State) -> Array:
 def attitude_equations(observed: PoseObservations, state: State, columns: Layout) -> Equations:
     """Linearise observed attitudes, about the body's axes.
 
-    The observed attitude is that of the body a delay after the exposure, as in `position_errors`.
-    Its heading, clockwise about the vertical, is larger by the deviation: the first harmonic of the
-    observed heading, B sin + C cos, like the deviation of a compass [1]_.
+    The observed heading, clockwise about the vertical, is larger by the deviation: the first
+    harmonic of the observed heading, B sin + C cos, like the deviation of a compass [1]_.
 
     References
     ----------
     .. [1] A. Smith and F. J. Evans, "Admiralty manual for the deviations of the compass", 1862.
     """
-    n, R = len(state.T_m_b), state.T_m_b.R
-    rate = None if observed.motion is None or columns.delay[1] < 0 else observed.motion.rate
+    n, recorded = len(state.T_m_b), state.T_m_b.R
     deviates = bool(np.any(columns.deviation >= 0))
-    later = np.eye(3) if rate is None else exp(state.delay[1] * rate)
-    recorded = R if rate is None else R @ later
     if deviates:
         recorded = deviating(observed, state) @ recorded
     v = log(np.swapaxes(observed.T_m_b.R, -1, -2) @ recorded)
     by_turn = log_jacobian(v)
-    A, where = [by_turn @ np.swapaxes(later, -1, -2)], [columns.pose[:, 3:]]
-    if rate is not None:
-        A.append(by_turn @ rate[:, :, None])
-        where.append(np.full((n, 1), columns.delay[1]))
+    A, where = [by_turn], [columns.pose[:, 3:]]
     if deviates:
         vertical = recorded[:, 2, :, None]  # the mapping frame's z in the body
         A.append(-(by_turn @ vertical) * observed.by_heading[:, None])
@@ -387,23 +379,7 @@ def strips_of(block: Block) -> Strips:
     return Strips(names=tuple(names), idx=idx, elapsed=elapsed, unit="s" if timed else "exposure")
 
 
-# --- motion ----------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Motion:
-    """How fast a body moves and turns at its exposures.
-
-    Attributes
-    ----------
-    velocity : ndarray, shape (n, 3)
-        Along the grid's axes, m/s; the same at all exposures of a strip.
-    rate : ndarray, shape (n, 3)
-        Of rotation, about the body's axes, rad/s.
-    """
-
-    velocity: Array
-    rate: Array
+# --- velocities ------------------------------------------------------------------------------
 
 
 STRAIGHT = 0.2
@@ -411,15 +387,8 @@ STRAIGHT = 0.2
 strip, above which they have no common velocity."""
 
 
-def motion_of(block: Block, *, delays: Sequence[str] = DELAYS) -> Motion:
-    """Return the velocity of every strip, and the rate of rotation from neighbours in it.
-
-    Parameters
-    ----------
-    block : Block
-    delays : sequence of str
-        Names of `parameters.DELAYS`: the velocity is zero without ``"delay"``, the rate without
-        ``"attitude_delay"``.
+def velocities(block: Block) -> Array:
+    """Return the velocity of every exposure, that of its strip, along the grid's axes, m/s, (n, 3).
 
     Raises
     ------
@@ -429,20 +398,14 @@ def motion_of(block: Block, *, delays: Sequence[str] = DELAYS) -> Motion:
 
     Notes
     -----
-    The velocity is the slope of the line that fits the recorded positions of a strip over time. The
-    velocity between neighbours would have errors: wind and the moment of exposure move one position
-    against the next, within a second or two. These errors would make an estimated delay too small,
-    the more so the steadier the flight.
-
-    The rate at t_i is the slope of the parabola through an exposure and its two neighbours; at
-    either end of a strip, the slope of the line to its neighbour. It is exact for a steady turn.
-    For an oscillation of period T, sampled at intervals h, it has the share
-    sin(2 pi h / T) / (2 pi h / T): 94 % at T = 10 h, 64 % at T = 4 h, zero at T = 2 h. White errors
-    sigma of the recorded attitudes are errors sigma / (sqrt(2) h) of their slopes.
+    It is the slope of the line that fits the recorded positions of a strip over time. The velocity
+    between neighbours would have errors: wind and the moment of exposure move one position against
+    the next, within a second or two. These errors would make an estimated delay too small, the more
+    so the steadier the flight.
     """
     trajectory, strips = block.trajectory, strips_of(block)
     _require_neighbours(block, strips)
-    velocity, rate = np.zeros((2, len(trajectory), 3))
+    velocity = np.zeros((len(trajectory), 3))
     for strip, name in enumerate(strips.names):
         rows = np.flatnonzero(strips.idx == strip)
         rows = rows[np.argsort(strips.elapsed[rows], kind="stable")]
@@ -451,11 +414,8 @@ def motion_of(block: Block, *, delays: Sequence[str] = DELAYS) -> Motion:
             again = trajectory.exposures[rows[int(np.argmin(step)) + 1]]
             msg = f"a delay cannot be estimated: {again!r} has the time of another of its strip"
             raise AdjustmentError(msg)
-        if "delay" in delays:
-            velocity[rows] = _uniform(trajectory.T_m_b.r[rows], strips.elapsed[rows], name)
-        if "attitude_delay" in delays:
-            rate[rows] = _rates(trajectory.T_m_b.R[rows], step)
-    return Motion(velocity=transform(trajectory.R_g_m, velocity), rate=rate)
+        velocity[rows] = _uniform(trajectory.T_m_b.r[rows], strips.elapsed[rows], name)
+    return transform(trajectory.R_g_m, velocity)
 
 
 def _uniform(r: Array, elapsed: Array, strip: str) -> Array:
@@ -487,15 +447,6 @@ def _require_neighbours(block: Block, strips: Strips) -> None:
         subject = "exposure" if len(alone) == 1 else f"{len(alone)} exposures, the first"
         msg = f"{cannot}: no neighbour in a strip tells the velocity of {subject} {name!r}"
         raise AdjustmentError(msg)
-
-
-def _rates(R: Array, step: Array) -> Array:
-    """Return the slopes of attitudes along one strip, about the body's axes."""
-    turned = log(np.swapaxes(R[:-1], -1, -2) @ R[1:])  # about an axis that both share
-    mean = turned / step[:, None]
-    before, after = step[:-1, None], step[1:, None]
-    inside = (mean[:-1] * after + mean[1:] * before) / (before + after)
-    return np.concatenate([mean[:1], inside, mean[-1:]])
 
 
 # --- Slowly changing errors that different exposures of a trajectory have in common

@@ -17,7 +17,6 @@ from acx4lib.bundle.rejections import CRITICAL, POWER, noncentrality
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera, xy_from_colrow
 from acx4lib.geometry.frames import Pose
-from acx4lib.least_squares.adjustment import require_own_datum
 from acx4lib.least_squares.normal_equations import Equations, point_normals, units
 from acx4lib.least_squares.statistics import LEAST, Group
 
@@ -108,7 +107,6 @@ def parameter_effects(bundle: Bundle, columns: Index) -> list[Array]:
     not above rounding.
     """
     network, solution = bundle.network, bundle.solution
-    require_own_datum(solution)
     expected.shape("columns", columns)
     expected.places("columns", columns, network.n_columns)
     equations = network.equations(bundle.state)

@@ -16,7 +16,6 @@ from acx4lib.geometry.parameters import (
     ATTITUDE,
     AXES,
     BORESIGHT,
-    DELAYS,
     LEVER_ARM,
     MOUNT,
     POSE,
@@ -41,8 +40,8 @@ class Layout:
         Columns of the shift of all GNSS positions in the order of `AXES`, -1 where held.
     drift : ndarray, shape (n_drifts, 3)
         Columns of the drifts of GNSS positions.
-    delay : ndarray, shape (2,)
-        Columns of the delays of positions and of attitudes, -1 where held.
+    delay : ndarray, shape (1,)
+        Column of the delay of positions, -1 where held.
     deviation : ndarray, shape (2,)
         Columns of the deviation of headings, by their sine and their cosine, -1 where held.
     """
@@ -52,7 +51,7 @@ class Layout:
     pose: Index
     shift: Index = field(default_factory=lambda: np.full(3, -1))
     drift: Index = field(default_factory=lambda: np.full((0, 3), -1))
-    delay: Index = field(default_factory=lambda: np.full(2, -1))
+    delay: Index = field(default_factory=lambda: np.full(1, -1))
     deviation: Index = field(default_factory=lambda: np.full(2, -1))
 
     @cached_property
@@ -82,8 +81,8 @@ class State:
         Common error of all observed positions along the grid's axes, m.
     drift : ndarray, shape (n_drifts, 3)
         Change of their error along each strip, m per unit of `Strips`' time.
-    delay : ndarray, shape (2,)
-        How much later than exposures positions and attitudes are recorded, s.
+    delay : ndarray, shape (1,)
+        How much later than exposures positions are recorded, s.
     deviation : ndarray, shape (2,)
         By how much recorded headings are larger, times their sine and their cosine, radians.
     """
@@ -94,7 +93,7 @@ class State:
     x_m: Array
     shift: Array = field(default_factory=lambda: np.zeros(3))
     drift: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    delay: Array = field(default_factory=lambda: np.zeros(2))
+    delay: Array = field(default_factory=lambda: np.zeros(1))
     deviation: Array = field(default_factory=lambda: np.zeros(2))
 
 
@@ -151,7 +150,7 @@ def named(
         (columns.mount, cameras, MOUNT),
         (columns.shift[None], ["GNSS"], [f"shift_{axis}" for axis in AXES]),
         (columns.drift, strips, [f"drift_{axis}" for axis in AXES]),
-        (columns.delay[:, None], ["GNSS", "attitude"], ["delay"]),
+        (columns.delay[None], ["GNSS"], ["delay"]),
         (columns.deviation[None], ["attitude"], ["deviation_sin", "deviation_cos"]),
         (columns.pose, poses, POSE),
     ):
@@ -185,7 +184,7 @@ def layout(
         Axes of the GNSS shift to estimate, names of `AXES`.
     n_drifts : int
     recorded : sequence of str
-        Errors of the recorded trajectory to estimate, names of `DELAYS` and `ATTITUDE`.
+        Errors of the recorded trajectory to estimate, ``"delay"`` and names of `ATTITUDE`.
 
     Raises
     ------
@@ -197,7 +196,7 @@ def layout(
     expected.names_of("free", free, INTERIOR)
     expected.names_of("free_mount", free_mount, MOUNT)
     expected.names_of("free_shift", free_shift, AXES)
-    expected.names_of("recorded", recorded, (*DELAYS, *ATTITUDE))
+    expected.names_of("recorded", recorded, ("delay", *ATTITUDE))
     is_free = np.array([name in free for name in INTERIOR] + [name in free_mount for name in MOUNT])
     per_camera = np.tile(is_free, (n_cameras, 1))
     columns = np.where(per_camera, np.cumsum(per_camera).reshape(per_camera.shape) - 1, -1)
@@ -205,16 +204,15 @@ def layout(
     first_shift = int(per_camera.sum())
     first_drift = first_shift + int(shifted.sum())
     first_delay = first_drift + 3 * n_drifts
-    late = np.array([name in recorded for name in DELAYS])
-    deviates = "deviation" in recorded
-    first_deviation = first_delay + int(late.sum())
+    late, deviates = "delay" in recorded, "deviation" in recorded
+    first_deviation = first_delay + late
     first_pose = first_deviation + 2 * deviates
     return Layout(
         interior=columns[:, : len(INTERIOR)],
         mount=columns[:, len(INTERIOR) :],
         shift=np.where(shifted, first_shift + np.cumsum(shifted) - 1, -1),
         drift=first_drift + np.arange(3 * n_drifts).reshape(n_drifts, 3),
-        delay=np.where(late, first_delay + np.cumsum(late) - 1, -1),
+        delay=np.array([first_delay if late else -1]),
         deviation=first_deviation + np.arange(2) if deviates else np.full(2, -1),
         pose=first_pose + np.arange(6 * n_poses).reshape(n_poses, 6),
     )

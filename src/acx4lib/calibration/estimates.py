@@ -11,7 +11,7 @@ import numpy as np
 
 from acx4lib import expected, shown
 from acx4lib.block import Block
-from acx4lib.bundle.observations import motion_of, strips_of
+from acx4lib.bundle.observations import strips_of, velocities
 from acx4lib.bundle.unknowns import Layout, layout
 from acx4lib.design import SAME_HEIGHT, directions, flying_heights, strip_of_exposure
 from acx4lib.errors import AdjustmentError, NotConverged
@@ -474,9 +474,6 @@ NEEDS: Mapping[str, tuple[Need, ...]] = {
         Need(text="strips flown at different speeds, or the lever arm held", features=("speeds",)),
         _TIED,
     ),
-    "attitude_delay": (
-        Need(text="attitudes that change from one exposure to the next", features=()),
-    ),
     "deviation": (
         Need(text="strips flown in opposite directions", features=("opposite",)),
         Need(text="strips across the others", features=("crosswise",)),
@@ -575,7 +572,7 @@ def require_control(block: Block) -> None:
 def _has_speeds(block: Block) -> bool:
     """Tell whether strips are flown at different ground speeds; false without times."""
     try:
-        speed = np.linalg.norm(motion_of(block, delays=("delay",)).velocity, axis=1)
+        speed = np.linalg.norm(velocities(block), axis=1)
     except AdjustmentError:
         return False
     strip = strips_of(block).idx

@@ -15,9 +15,8 @@ import numpy as np
 
 from acx4lib import expected, shown
 from acx4lib.attempts import Failed, attempt
-from acx4lib.block import Block
+from acx4lib.block import Block, no_datum
 from acx4lib.bundle.adjust import Bundle, adjust, free_orientation, mounted_orientation, qualities
-from acx4lib.bundle.free_network import adjust_free, adjust_free_rejecting
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.observations import PoseObservations, shared_errors, slow_errors
 from acx4lib.bundle.rejections import Rejection, without
@@ -237,14 +236,12 @@ def single_step(
     Raises
     ------
     AdjustmentError
-        Where it does not converge.
-
-    Notes
-    -----
-    Where the trajectory is not observed and both parts of the mounting are held, the block is a
-    free network, in the datum of `free_network.adjust_free_rejecting`.
+        Where it does not converge, or where neither three control points nor observed positions
+        fix where the block lies.
     """
     expected.names_of("free", free, INTERIOR)
+    if lack := no_datum(block):
+        raise AdjustmentError(lack)
     network = partial(
         mounted_orientation,
         free=free,
@@ -252,36 +249,11 @@ def single_step(
         refraction=refraction,
         gnss=gnss,
     )
-    if _is_free(block, fix):
-        _require_no_lever(block)
-        adjusted = (
-            adjust_free_rejecting(block, network)
-            if snooping
-            else adjust_free(network(block)).minimal
-        )
-        return Mounting(method="single_step", calibration=from_bundle(adjusted), bundle=adjusted)
     with saying_what_lacks(block, (*free, *free_mount(fix))):
         bundle = adjust_rejecting(block, network) if snooping else adjust(network(block))
         bundle, turns = turned(block, bundle, network)
     calibration = enlarged(replace(from_bundle(bundle), turns=turns), bundle)
     return Mounting(method="single_step", calibration=calibration, bundle=bundle)
-
-
-def _is_free(block: Block, fix: Sequence[str]) -> bool:
-    """Tell whether no trajectory fixes a block, and its mounting is held: a free network."""
-    trajectory = block.trajectory
-    sigma = np.hstack([trajectory.sigma_position, trajectory.sigma_attitude])
-    return not np.isfinite(sigma).any() and {"lever_arm", "boresight"} <= set(fix)
-
-
-def _require_no_lever(block: Block) -> None:
-    """Raise where a camera has a lever arm, which no scale of a free network fits."""
-    if levers := [camera.name for camera in block.cameras if np.any(camera.T_b_c.r)]:
-        msg = (
-            f"{', '.join(levers)} has a lever arm, and no position of the trajectory is observed: "
-            "take lever_x_m, lever_y_m and lever_z_m out of flight.toml, or give sigma of positions"
-        )
-        raise AdjustmentError(msg)
 
 
 def two_step(

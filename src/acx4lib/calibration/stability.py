@@ -10,7 +10,7 @@ import numpy as np
 from acx4lib.block import ImagePoints
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network, camera_poses
-from acx4lib.bundle.observations import Motion, attitude_equations, has_times
+from acx4lib.bundle.observations import attitude_equations, has_times
 from acx4lib.bundle.start import with_estimates
 from acx4lib.bundle.unknowns import State
 from acx4lib.calibration import trajectory_errors
@@ -395,8 +395,8 @@ def _calmed(bundle: Bundle, strips: list[_Strip]) -> tuple[Network, State]:
     x_m[used, 2] = ground + LEFT * (x_m[used, 2] - ground)
     calm = replace(state, T_m_b=_calm_poses(state.T_m_b, strips, ground), x_m=x_m)
     observed = replace(network.observed, T_m_b=calm.T_m_b)
-    if observed.motion is not None:
-        observed = replace(observed, motion=_calm_motion(observed.motion, strips))
+    if observed.velocity is not None:
+        observed = replace(observed, velocity=_calm_velocity(observed.velocity, strips))
     control = network.control
     control = replace(control, x_m=x_m[control.point_idx])
     points = _measured(network, calm)
@@ -426,9 +426,9 @@ def _calm_poses(T_m_b: Pose, strips: list[_Strip], ground: float) -> Pose:
     return Pose(R=R, r=r)
 
 
-def _calm_motion(motion: Motion, strips: list[_Strip]) -> Motion:
-    """Return the motion with equal speeds for strips of similar speed, and reduced wind."""
-    velocity = motion.velocity.copy()
+def _calm_velocity(velocity: Array, strips: list[_Strip]) -> Array:
+    """Return velocities with equal speeds for strips of similar speed, and reduced wind."""
+    velocity = velocity.copy()
     flown = np.array([velocity[s.rows].mean(axis=0) for s in strips])
     speed = np.linalg.norm(flown[:, :2], axis=1)
     for strip, mean_velocity, usual, actual in zip(
@@ -436,7 +436,7 @@ def _calm_motion(motion: Motion, strips: list[_Strip]) -> Motion:
     ):
         steady = mean_velocity * [1.0, 1.0, 0.0] * (usual / actual if actual > 0 else 1.0)
         velocity[strip.rows] = steady + LEFT * (velocity[strip.rows] - steady)
-    return Motion(velocity=velocity, rate=LEFT * motion.rate)
+    return velocity
 
 
 def _alike(values: Array, share: float) -> Array:

@@ -1,7 +1,7 @@
 """The errors of the trajectory that a bundle estimated with its cameras.
 
-A shift and drifts of GNSS positions, the delays of positions and of attitudes, and a deviation of
-headings. A test tells whether errors of recorded headings depend on the course.
+A shift, drifts and a delay of GNSS positions, and a deviation of headings. A test tells whether
+errors of recorded headings depend on the course.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import scipy
 from acx4lib import shown
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations import Motion, deviating
+from acx4lib.bundle.observations import deviating
 from acx4lib.calibration.estimates import (
     LIMIT_BORESIGHT_DEG,
     LIMIT_LEVER_M,
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
 
 DELAY = "gnss_delay_s"
-ATTITUDE_DELAY = "attitude_delay_s"
 DEVIATION = ("deviation_sin_deg", "deviation_cos_deg")
 
 
@@ -75,13 +74,12 @@ class _Unknown:
 
 def _unknowns(bundle: Bundle) -> list[_Unknown]:
     """Return the estimated errors of the trajectory, in the order of their columns."""
-    network, layout, state = bundle.network, bundle.network.layout, bundle.state
+    layout, state = bundle.network.layout, bundle.state
     shift = [
         _Unknown(key="shift", name=f"gnss_shift_{axis}_m", unit="m", value=value, column=column)
         for axis, value, column in zip(AXES, state.shift, layout.shift, strict=True)
     ]
-    delays = _delays(network.observed.motion, bundle)
-    unknowns = [*shift, *_drifts(bundle), *delays, *_deviation(bundle)]
+    unknowns = [*shift, *_drifts(bundle), *_delay(bundle), *_deviation(bundle)]
     return [unknown for unknown in unknowns if unknown.column >= 0]
 
 
@@ -107,23 +105,19 @@ def _drifts(bundle: Bundle) -> list[_Unknown]:
     ]
 
 
-def _delays(motion: Motion | None, bundle: Bundle) -> list[_Unknown]:
-    if motion is None:
+def _delay(bundle: Bundle) -> list[_Unknown]:
+    velocity = bundle.network.observed.velocity
+    if velocity is None:
         return []
-    speed = float(np.linalg.norm(motion.velocity, axis=1).max())
-    rate = float(np.degrees(np.linalg.norm(motion.rate, axis=1).max()))
-    reaches = np.maximum([speed / LIMIT_LEVER_M, rate / LIMIT_BORESIGHT_DEG], 1 / LIMIT_DELAY_S)
+    speed = float(np.linalg.norm(velocity, axis=1).max())
     return [
         _Unknown(
-            key=key, name=name, unit="s", value=float(value), column=int(column), reach=float(reach)
-        )
-        for key, name, value, column, reach in zip(
-            ("delay", "attitude_delay"),
-            (DELAY, ATTITUDE_DELAY),
-            bundle.state.delay,
-            bundle.network.layout.delay,
-            reaches,
-            strict=True,
+            key="delay",
+            name=DELAY,
+            unit="s",
+            value=float(bundle.state.delay[0]),
+            column=int(bundle.network.layout.delay[0]),
+            reach=max(speed / LIMIT_LEVER_M, 1 / LIMIT_DELAY_S),
         )
     ]
 
@@ -190,7 +184,7 @@ def table(bundle: Bundle) -> pd.DataFrame:
 
 
 def _title(parameter: Parameter) -> str:
-    """Return ``GNSS shift east``, ``GNSS drift S1 east``, ``GNSS delay``, ``attitude delay``."""
+    """Return ``GNSS shift east``, ``GNSS drift S1 east``, ``GNSS delay``."""
     name = parameter.name.removesuffix(f"_{parameter.unit.replace('/', '_per_')}")
     if parameter.key == "drift":
         strip, _, axis = name.removeprefix("gnss_drift_").rpartition("_")
@@ -266,11 +260,13 @@ def notes(bundle: Bundle) -> list[str]:
         top = max(drifts, key=lambda p: abs(p.value) / p.sigma)
         out.append(f"the plainest drift is {top.name}: {top.value:+.3f} ± {top.sigma:.3f}")
     for p in listed:
-        if p.name in (DELAY, ATTITUDE_DELAY):
-            late, source = "late" if p.value > 0 else "early", p.name.split("_")[0]
-            subject = "GNSS positions" if source == "gnss" else "attitudes"
-            value, sigma = 1000 * abs(p.value), 1000 * p.sigma
-            out.append(f"{subject} are recorded {value:.1f} ± {sigma:.1f} ms {late}")
+        if p.name == DELAY:
+            late, value, sigma = (
+                ("late" if p.value > 0 else "early"),
+                1000 * abs(p.value),
+                1000 * p.sigma,
+            )
+            out.append(f"GNSS positions are recorded {value:.1f} ± {sigma:.1f} ms {late}")
     out += _deviating([p for p in listed if p.key == "deviation"])
     out += _correlated(bundle.network)
     if np.any(layout.shift >= 0):
@@ -280,7 +276,7 @@ def notes(bundle: Bundle) -> list[str]:
         out.append(f"{held} is held, since it and {free} are one unknown")
     estimated = {unknown.key for unknown in _unknowns(bundle)}
     if owners := " and ".join(name for name, keys in _OWN.items() if estimated & keys):
-        verb = "is" if estimated == {"deviation"} else "are"
+        verb = "are" if " and " in owners else "is"
         out.append(
             f"{owners} {verb} this block's own: none is applied to another block, nor in the "
             "validation"
@@ -290,7 +286,7 @@ def notes(bundle: Bundle) -> list[str]:
 
 _OWN = {
     "the shift and drift of GNSS positions": {"shift", "drift"},
-    "delays": {"delay", "attitude_delay"},
+    "the delay": {"delay"},
     "the deviation of headings": {"deviation"},
 }
 

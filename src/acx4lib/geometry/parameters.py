@@ -15,12 +15,8 @@ LEVER_ARM, BORESIGHT = MOUNT[:3], MOUNT[3:]
 
 POSE = ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z")
 
-DELAYS = ("delay", "attitude_delay")
-"""Delays of the trajectory: of its positions, and of its attitudes."""
-
-GNSS = ("shift", "drift", *DELAYS)
-"""Systematic errors of a trajectory: of positions a shift of the whole block and a drift along each
-strip; the delays."""
+GNSS = ("shift", "drift", "delay")
+"""Systematic errors of positions: a shift of the whole block, a drift along each strip, a delay."""
 
 ATTITUDE = ("deviation",)
 """Systematic errors of attitudes: a deviation of the headings that depends on the heading."""

@@ -65,9 +65,6 @@ class Solution:
     cov_points : ndarray, shape (n_points, 3, 3)
         A priori covariances; zero for points that are held.
     groups : tuple of Group
-    datum : str
-        Datum of the covariances: ``"observed"``, or held unknowns, or ``"inner"`` constraints
-        on points.
     """
 
     cost: float
@@ -77,7 +74,6 @@ class Solution:
     inverse: Inverse
     cov_points: Array
     groups: tuple[Group, ...]
-    datum: str = "observed"
 
     @property
     def cov(self) -> Array:
@@ -344,16 +340,6 @@ def _degrees_of_freedom(problem: Problem[S], at_state: Normals) -> int:
     return n_observations - n_unknowns
 
 
-def require_own_datum(solution: Solution) -> None:
-    """Raise a ValueError for a solution in the datum of inner constraints."""
-    if solution.datum == "inner":
-        msg = (
-            "solution: expected one in the datum of its observations or held unknowns, got one of "
-            "inner constraints; take that with minimal constraints, whose residuals are the same"
-        )
-        raise ValueError(msg)
-
-
 # --- Damping of Gauss-Newton steps by the gain ratio (Levenberg, Marquardt, Nielsen)
 
 
@@ -448,13 +434,7 @@ def cross_covariance(problem: Problem[S], state: S, solution: Solution, points: 
     Returns
     -------
     ndarray, shape (k, 3, n_columns)
-
-    Raises
-    ------
-    ValueError
-        In the datum of inner constraints, where points depend on more than their observations.
     """
-    require_own_datum(solution)
     gain, _ = elimination(problem, state, points)
     return np.asarray(-solution.inverse.times(gain))
 

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from acx4lib import expected
 from acx4lib.calibration.heads import RelativeOrientation
-from acx4lib.expected import Array, Mask
+from acx4lib.expected import Array, Mask, Raster
 from acx4lib.geometry.camera import Camera
 from acx4lib.least_squares import processors
 from acx4lib.synthetic_image.compiled import (
     MOST_BANDS,
     add_samples,
+    halve_into,
     set_depths,
     weigh,
 )
@@ -338,3 +339,11 @@ def _factors(plan: RenderPlan, nodes: Array) -> NDArray[np.float32]:
         for band, (g, a, b) in enumerate(coefficients[k].astype(np.float32)):
             factors[k, ..., band] = np.exp(-(g + q * (a + q * b)))
     return factors
+
+
+# --- Overviews of an image
+
+
+def halve(small: Raster, image: Raster) -> None:
+    """Fill an image of half the size, as `compiled.halve_into` does."""
+    halve_into(small, image)

@@ -212,7 +212,7 @@ def test_a_trajectory_in_degrees_is_a_problem_of_its_first_row(tmp_path):
     assert any(line.startswith(says) for line in problems(tmp_path))
 
 
-@pytest.mark.parametrize("name", ["drift", "delay", "attitude_delay"])
+@pytest.mark.parametrize("name", ["drift", "delay"])
 def test_drifts_and_delays_need_strips_and_delays_need_times(tmp_path, name):
     write_flight(tmp_path)
     replace(tmp_path, TOML, "lever_z_m = 0.2", f'[stages.mounting]\ngnss = ["{name}"]')

@@ -22,7 +22,7 @@ from acx4files.images.tiff import (
     write,
     write_preview,
 )
-from acx4lib.synthetic_image.compiled import halve_into
+from acx4lib.synthetic_image.rendering import halve
 
 HEIGHT, WIDTH = 1301, 1100
 ABOUT = {"exposure": "H3-04", "name": "Jaguariaíva", "f_mm": 74.0, "heads": [{"camera": "CAM1"}]}
@@ -102,7 +102,7 @@ def test_half_an_image_is_the_rounded_mean(rng, dtype, shape):
     image = rng.integers(0, 9, shape, dtype=dtype)
     for one in (image, np.iinfo(dtype).max - image):
         small = np.empty_like(means(one))
-        halve_into(small, one)
+        halve(small, one)
         np.testing.assert_array_equal(small, means(one))
 
 

@@ -109,7 +109,7 @@ def described(net, state):
         out[f"GNSS/shift_{axis}"] = state.shift[k]
         for strip, drift in zip(net.observed.strips.names, state.drift, strict=True):
             out[f"strip {strip}/drift_{axis}"] = drift[k]
-    out["GNSS/delay"], out["attitude/delay"] = state.delay
+    (out["GNSS/delay"],) = state.delay
     return out
 
 
@@ -154,7 +154,7 @@ def test_the_height_of_the_shift_is_held_where_the_lever_arms_is_free():
     assert free_shift(("drift",), MOUNT[3:]) == ()
     with pytest.raises(
         ValueError,
-        match="gnss: expected names of shift, drift, delay, attitude_delay, deviation, got",
+        match="gnss: expected names of shift, drift, delay, deviation, got",
     ):
         free_shift(("offset",), MOUNT)
 

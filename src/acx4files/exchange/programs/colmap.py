@@ -185,7 +185,7 @@ def read(
     point are left out. A model has no coordinate system: with --crs its x, y, z are east, north and
     height of that system, or its earth-centred coordinates, and --orientations adjusted makes a
     trajectory of its poses, on which a boresight means nothing. With --crs local they are taken as
-    they are, and `acx4 run` calibrates the cameras in a free network.
+    they are; to calibrate, `acx4 run` needs three control points in them, or sigma of positions.
 
     Examples
     --------

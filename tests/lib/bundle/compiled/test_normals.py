@@ -140,7 +140,7 @@ NETWORKS = {
     ),
     "errors that change slowly": lambda f: slowly(f.calibration),
     "slow errors, delays, shift and drifts of a rig": lambda f: slowly(
-        f.heads, gnss=("shift", "drift", "delay", "attitude_delay", "deviation")
+        f.heads, gnss=("shift", "drift", "delay", "deviation")
     ),
     "slow errors beside held poses": lambda f: with_held_poses(slowly(f.calibration)),
     "held poses": lambda f: with_held_poses(
