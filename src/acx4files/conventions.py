@@ -1,19 +1,19 @@
 """Usual readings of a flight's numbers: which sign, order, unit, frame or datum would fit better.
 
-Most errors in direct georeferencing are a sign or an axis. This is the one place that finds them,
-in two steps. `contradictions` asks whether surveyed points, projected with the declared mounting,
-lie near their measurements at all; if not, the reading that mends it is named, and the flight is
-refused. `best_reading` compares finer ones: for each, the mounting of the cameras of some images is
-adjusted on a trajectory assumed exact; the remaining distance of rays from their points is the
-misfit of the reading, which is named if it is much smaller than that of the given one. `acx4 check`
-calls it, and a command that failed; no stage does.
+Most errors in direct georeferencing are a sign or an axis. One list of readings (`of_trajectory`
+and its neighbours) serves two questions. `contradictions`: do surveyed points, projected with the
+declared mounting, lie near their measurements at all? If not, the flight is refused with the
+reading that mends it. `best_reading`: which reading makes the residuals fall? For each, the
+mounting of the cameras of some images is adjusted on a trajectory assumed exact; the remaining
+distance of rays from their points is the misfit of the reading. `acx4 check` calls it, and a
+command that failed; no stage does.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, NamedTuple, Protocol
 
@@ -30,7 +30,6 @@ from acx4lib.geometry.frames import (
     exp,
     log,
     opk_from_rotation,
-    rotation_from_opk,
     rph_from_rotation,
     skew,
     transform,
@@ -55,7 +54,7 @@ class Recorded(Protocol):
         """All other columns that are known."""
 
 
-# --- What the numbers of a trajectory, of heights and of pixels may mean, the simplest first
+# --- The usual readings of trajectories, control and pixels, the simplest first
 
 
 ANGLES = {
@@ -63,29 +62,103 @@ ANGLES = {
     "east_m": ("omega_deg", "phi_deg", "kappa_deg"),
 }
 FOOT = 0.3048
-"""International foot, m; that of the US survey is longer by a hundredth of a millimetre in 5 m."""
+"""International foot, m."""
 
-_SIGNS = sorted(product((1, -1), repeat=3), key=lambda signs: signs.count(-1))[1:]
+SIGNS = sorted(product((1, -1), repeat=3), key=lambda signs: signs.count(-1))[1:]
 """Signs of three angles, those with the fewest changes first."""
 
+EAST_NORTH = ("east_m", "north_m")
 
-class Meaning(NamedTuple):
-    """A reading of a trajectory: what columns were, what changes, the numbers it stands for."""
 
+class Moves(NamedTuple):
+    """What moves by numbers that are estimated with the mounting: a shift, a scale, a delay.
+
+    Attributes
+    ----------
+    what : {"colrow", "x_m", "r"}
+        Pixels, surveyed points or positions.
+    by : ndarray, shape (n, 2 or 3, k)
+        Per unit of each number.
+    says : callable
+        Returns the meaning from the numbers, each multiplied by its unit.
+    units : tuple of float
+    sigma : float
+        Prior standard deviation of the numbers.
+    starts : tuple of float
+        Numbers to begin with, of which the best is taken.
+    """
+
+    what: str
+    by: Array
+    says: Callable[..., str]
+    units: tuple[float, ...]
+    sigma: float = np.inf
+    starts: tuple[float, ...] = (0.0,)
+
+    def applied(
+        self, sizes: Array, seen: Sightings, T_m_b: Pose, x_m: Array
+    ) -> tuple[Sightings, Pose, Array]:
+        """Return sightings, poses and points with the numbers applied."""
+        shift = self.by @ sizes
+        if self.what == "colrow":
+            return replace(seen, colrow=seen.colrow + shift), T_m_b, x_m
+        if self.what == "x_m":
+            return seen, T_m_b, x_m + shift
+        return seen, Pose(R=T_m_b.R, r=T_m_b.r + shift), x_m
+
+
+STILL = Moves("r", np.zeros((1, 3, 0)), str, ())
+"""Nothing moves."""
+
+
+class Reading(NamedTuple):
+    """A reading of a block.
+
+    Attributes
+    ----------
+    table : {"trajectory", "control_points", "image_points", "mount", ""}
+        Where the numbers stand.
+    columns : tuple of str
+        Columns that are read otherwise.
+    meaning : str
+        What they were, such as "of opposite sign".
+    quantity : {"attitude", "position", "image"}
+        Quantity that changes most.
+    changed : mapping
+        Columns of trajectory or control that change; of other tables, fields of the sightings.
+    moves : Moves
+    """
+
+    table: str
     columns: tuple[str, ...]
-    says: str
+    meaning: str
     quantity: str
-    numbers: Numbers
+    changed: Mapping[str, Any]
+    moves: Moves = STILL
+
+    @property
+    def name(self) -> str:
+        """Columns and meaning, as in "pitch of opposite sign"."""
+        plain = ", ".join(re.sub("_(deg|m|px)$", "", column) for column in self.columns)
+        of_control = " of control points" if self.table == "control_points" else ""
+        return f"{plain}{of_control} {self.meaning}".strip()
+
+
+def _stack(numbers: Numbers, names: Sequence[str]) -> Array:
+    return np.stack([numbers[name] for name in names], axis=-1)
+
+
+def _columns(names: Sequence[str], values: Array) -> dict[str, Array]:
+    return dict(zip(names, values.T, strict=True))
 
 
 def poses(numbers: Numbers, frame: MappingFrame) -> Pose:
     """Return the poses T_m_b of a trajectory in either form, one for every row."""
-    xyz = ("lon_deg", "lat_deg") if "lat_deg" in numbers else ("east_m", "north_m")
-    at = np.stack([numbers[name] for name in (*xyz, "height_m")], axis=-1)
-    angles = np.radians(np.stack([numbers[name] for name in _angles_of(numbers)], axis=-1))
-    return (frame.pose_from_geographic if "lat_deg" in numbers else frame.pose_from_grid)(
-        at, angles
-    )
+    angles = np.radians(_stack(numbers, _angles_of(numbers)))
+    if "lat_deg" in numbers:
+        at = _stack(numbers, ("lon_deg", "lat_deg", "height_m"))
+        return frame.pose_from_geographic(at, angles)
+    return frame.pose_from_grid(_stack(numbers, (*EAST_NORTH, "height_m")), angles)
 
 
 def _angles_of(numbers: Numbers) -> tuple[str, str, str]:
@@ -95,92 +168,108 @@ def _angles_of(numbers: Numbers) -> tuple[str, str, str]:
 def lonlat_of(numbers: Numbers, grid: GridSystem) -> Array:
     """Return longitude and latitude of a trajectory in either form, degrees, shape (n, 2)."""
     if "lat_deg" in numbers:
-        return np.stack([numbers["lon_deg"], numbers["lat_deg"]], axis=-1)
-    return grid.lonlat_from_grid(np.stack([numbers["east_m"], numbers["north_m"]], axis=-1))
+        return _stack(numbers, ("lon_deg", "lat_deg"))
+    return grid.lonlat_from_grid(_stack(numbers, EAST_NORTH))
 
 
-def meanings(numbers: Numbers, grid: GridSystem) -> Iterator[Meaning]:
-    """Yield a trajectory under each usual reading of its angles, heights and rows.
+def of_positions(numbers: Numbers, grid: GridSystem) -> Iterator[Reading]:
+    """Yield readings of the longitudes and latitudes, or east and north, of a trajectory."""
+    if "lat_deg" not in numbers:
+        for says, xy in _plane_readings(_stack(numbers, EAST_NORTH), grid):
+            yield Reading("trajectory", EAST_NORTH, says, "position", _columns(EAST_NORTH, xy))
+        return
+    both = lat, lon = ("lat_deg", "lon_deg")
+    given = _stack(numbers, both)
+    for columns, says, values in (
+        (both, "swapped", given[:, ::-1]),
+        (both, "in radians", np.degrees(given)),
+        ((lon,), "of opposite sign", given * [1, -1]),
+        ((lat,), "of opposite sign", given * [-1, 1]),
+        (both, "of opposite sign", -given),
+    ):
+        yield Reading("trajectory", columns, says, "position", _columns(both, values))
+
+
+def of_trajectory(
+    numbers: Numbers, grid: GridSystem, R_b_c: Array | None = None
+) -> Iterator[Reading]:
+    """Yield the usual readings of a trajectory's angles, heights and rows.
 
     Parameters
     ----------
     numbers : mapping
     grid : GridSystem
         Of the flight, for the convergence of its meridians and the heights of its geoid.
+    R_b_c : ndarray, shape (3, 3), optional
+        Of the only camera, whose angles those of a trajectory in the map may be.
     """
-    names = _angles_of(numbers)
-    for columns, says, values in _angle_readings(numbers, grid):
-        changed = dict(zip(columns, values, strict=True))
-        yield Meaning(columns, says, "attitude", {**numbers, **changed})
-    angles = np.stack([numbers[name] for name in names], axis=-1)
-    for says, opk_or_rph in _orders(np.radians(angles), with_north=names[2] == "heading_deg"):
-        changed = dict(zip(names, np.degrees(opk_or_rph).T, strict=True))
-        yield Meaning(names, says, "attitude", {**numbers, **changed})
-    for says, height in height_readings(numbers["height_m"], lonlat_of(numbers, grid), grid):
-        yield Meaning(("height_m",), says, "position", {**numbers, "height_m": height})
-    n = np.arange(len(angles))
-    for step, neighbour in ((1, "next"), (-1, "previous")):
+    names, lonlat = _angles_of(numbers), lonlat_of(numbers, grid)
+    given = _stack(numbers, names)
+    with np.errstate(all="ignore"):  # wrong positions may have no convergence
+        convergence = np.nan_to_num(np.degrees(grid.convergence(lonlat)))[:, None]
+    with_north = names[2] == "heading_deg"
+    from_90 = "an angle from east" if with_north else "a heading from north"
+    north = "from grid north" if with_north else "from true north"
+    for places, says, angles in (
+        *_of_angles(given),
+        ((2,), from_90, np.array([0, 0, 90]) + given * [1, 1, -1]),
+        ((2,), north, given + convergence * [0, 0, 1]),
+        *_of_turns(given, R_b_c, with_north=with_north),
+    ):
+        columns = tuple(names[i] for i in places)
+        yield Reading("trajectory", columns, says, "attitude", _columns(names, angles))
+    for says, height in height_readings(numbers["height_m"], lonlat, grid):
+        yield Reading("trajectory", ("height_m",), says, "position", {"height_m": height})
+    n = np.arange(len(given))
+    for step, says in ((1, "of the next row"), (-1, "of the previous row")):
         rows = np.clip(n + step, 0, len(n) - 1)
         other = {name: values[rows] for name, values in numbers.items() if name[:4] != "time"}
-        says = f"of the {neighbour} row"
-        yield Meaning(("positions", "angles"), says, "position", {**numbers, **other})
+        yield Reading("trajectory", ("positions", "angles"), says, "position", other)
 
 
-def _angle_readings(
-    numbers: Numbers, grid: GridSystem
-) -> Iterator[tuple[tuple[str, ...], str, Sequence[Array]]]:
-    """Yield columns of angles, what they were, and their values: signs, zeros, columns, units."""
-    names = roll, pitch, heading = _angles_of(numbers)
-    a, b, c = (numbers[name] for name in names)
-    for signs in _SIGNS:
-        flipped = [name for name, sign in zip(names, signs, strict=True) if sign < 0]
-        yield (*flipped,), "of opposite sign", [-numbers[name] for name in flipped]
-    with_north = heading == "heading_deg"
-    with np.errstate(all="ignore"):  # wrong positions may have no convergence
-        convergence = np.nan_to_num(np.degrees(grid.convergence(lonlat_of(numbers, grid))))
-    for says, values in (
-        ("an angle from east" if with_north else "a heading from north", 90 - c),
-        ("90 degrees too small", c + 90),
-        ("180 degrees too small", c + 180),
-        ("90 degrees too large", c - 90),
-        ("from grid north" if with_north else "from true north", c + convergence),
-    ):
-        yield (heading,), says, [values]
-    yield (roll, pitch), "exchanged", [b, a]
-    for turned, i, j in (("the first", -1, 1), ("the second", 1, -1), ("both", -1, -1)):
-        yield (roll, pitch), f"exchanged, then {turned} of opposite sign", [i * b, j * a]
-    yield (roll, heading), "exchanged", [c, a]
-    yield (pitch, heading), "exchanged", [c, b]
-    if not with_north:
-        yield names, "of a body with z down", [a + 180.0, -b, -c]
-    for chosen in (names, names[:2], names[2:]):
+def _of_angles(given: Array) -> Iterator[tuple[tuple[int, ...], str, Array]]:
+    """Yield places that change, what they were, and three angles in degrees, shape (n, 3)."""
+    for signs in SIGNS:
+        yield tuple(i for i in range(3) if signs[i] < 0), "of opposite sign", given * signs
+    for added, says in ((90, "90 degrees too small"), (180, "180 degrees too small")):
+        yield (2,), says, np.array([0, 0, added]) + given
+    yield (2,), "90 degrees too large", np.array([0, 0, -90]) + given
+    crossed = given[:, [1, 0, 2]]
+    yield (0, 1), "exchanged", crossed
+    yield (0, 1), "exchanged, then the first of opposite sign", crossed * [-1, 1, 1]
+    yield (0, 1), "exchanged, then the second of opposite sign", crossed * [1, -1, 1]
+    yield (0, 1), "exchanged, then both of opposite sign", crossed * [-1, -1, 1]
+    yield (0, 2), "exchanged", given[:, [2, 1, 0]]
+    yield (1, 2), "exchanged", given[:, [0, 2, 1]]
+    for places in ((0, 1, 2), (0, 1), (2,)):
         for unit, degrees in (("radians", 180 / np.pi), ("gon", 0.9)):
-            yield chosen, f"in {unit}", [numbers[name] * degrees for name in chosen]
+            yield places, f"in {unit}", given * np.where(np.isin(range(3), places), degrees, 1.0)
 
 
-def _orders(angles: Array, *, with_north: bool) -> Iterator[tuple[str, Array]]:
-    """Yield the angles of turns multiplied in another order, or transposed; radians."""
-    R1, R2, R3 = (turn(axis, angles[:, axis]) for axis in range(3))
+def _of_turns(
+    given: Array, R_b_c: Array | None, *, with_north: bool
+) -> Iterator[tuple[tuple[int, ...], str, Array]]:
+    """Yield the same for turns in another order, transposed, or of the camera."""
+    R1, R2, R3 = (turn(axis, np.radians(given[:, axis])) for axis in range(3))
     if with_north:
-        yield "in the order pitch before roll", rph_from_rotation(R3 @ R1 @ R2)
-        yield "in the order roll, pitch, heading", rph_from_rotation(R1 @ R2 @ R3)
-        transposed = rph_from_rotation(np.swapaxes(R3 @ R2 @ R1, -1, -2))
-        yield "of the transposed rotation (heading, pitch, roll)", transposed
+        angles_from = rph_from_rotation
+        turned = {
+            "in the order pitch before roll": R3 @ R1 @ R2,
+            "in the order roll, pitch, heading": R1 @ R2 @ R3,
+            "of the transposed rotation (heading, pitch, roll)": np.swapaxes(R3 @ R2 @ R1, 1, 2),
+        }
     else:
-        yield "in the order phi, omega, kappa", opk_from_rotation(R2 @ R1 @ R3)
-        yield "in the order kappa, phi, omega", opk_from_rotation(R3 @ R2 @ R1)
-        transposed = opk_from_rotation(np.swapaxes(R1 @ R2 @ R3, -1, -2))
-        yield "of the transposed rotation (omega, phi, kappa)", transposed
-
-
-def of_camera(numbers: Numbers, R_b_c: Array) -> Iterator[Meaning]:
-    """Yield a trajectory in the map whose angles are the camera's, converted to the body."""
-    if "kappa_deg" in numbers:
-        names = ANGLES["east_m"]
-        angles = np.radians(np.stack([numbers[name] for name in names], axis=-1))
-        body = np.degrees(opk_from_rotation(rotation_from_opk(angles) @ R_b_c.T))
-        changed = {**numbers, **dict(zip(names, body.T, strict=True))}
-        yield Meaning(names, "of the camera, not of the body", "attitude", changed)
+        angles_from = opk_from_rotation
+        turned = {
+            "in the order phi, omega, kappa": R2 @ R1 @ R3,
+            "in the order kappa, phi, omega": R3 @ R2 @ R1,
+            "of the transposed rotation (omega, phi, kappa)": np.swapaxes(R1 @ R2 @ R3, 1, 2),
+        }
+        if R_b_c is not None:
+            turned["of the camera, not of the body"] = R1 @ R2 @ R3 @ R_b_c.T
+        yield (0, 1, 2), "of a body with z down", np.array([180, 0, 0]) + given * [1, -1, -1]
+    for says, R in turned.items():
+        yield (0, 1, 2), says, np.degrees(angles_from(R))
 
 
 def height_readings(height: Array, lonlat: Array, grid: GridSystem) -> Iterator[tuple[str, Array]]:
@@ -240,70 +329,15 @@ def _plane_readings(xy: Array, grid: GridSystem) -> Iterator[tuple[str, Array]]:
                 yield f"of UTM zone {zone}{hemisphere}", grid.grid_from_lonlat(lonlat)
 
 
-def _degree_readings(lonlat: Array) -> Iterator[tuple[tuple[str, ...], str, Array]]:
-    """Yield other readings of longitude and latitude: columns, meaning, degrees, shape (n, 2)."""
-    both = ("lat_deg", "lon_deg")
-    yield both, "swapped", lonlat[:, ::-1]
-    yield both, "in radians", np.degrees(lonlat)
-    for columns, signs in ((both[1:], [-1, 1]), (both[:1], [1, -1]), (both, [-1, -1])):
-        yield columns, "of opposite sign", lonlat * signs
-
-
 # --- The readings of a block: some of its measurements, and the poses of the body
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
-    """A reading of a block.
-
-    Attributes
-    ----------
-    table : str
-        Where the numbers stand: a table of the block, "mount" or "".
-    columns : tuple of str
-        Columns that are read otherwise.
-    meaning : str
-        What they were, such as "of opposite sign".
-    quantity : {"attitude", "position", "image"}
-        Quantity that changes most.
-    seen : Sightings
-    T_m_b : Pose
-        One per exposure of the sightings.
-    velocity : ndarray, shape (n_exposures, 3), or None
-        m/s, where a delay is to be found.
-    of_some : bool
-        Whether it changes some images only, perhaps too few for the misfit of all.
-    """
-
-    table: str
-    columns: tuple[str, ...]
-    meaning: str
-    quantity: str
-    seen: Sightings
-    T_m_b: Pose
-    velocity: Array | None = None
-    of_some: bool = False
-
-    @property
-    def name(self) -> str:
-        """Columns and meaning, as in "pitch of opposite sign"."""
-        plain = ", ".join(re.sub("_(deg|m|px)$", "", column) for column in self.columns)
-        of_control = " of control points" if self.table == "control_points" else ""
-        return f"{plain}{of_control} {self.meaning}".strip()
-
-    @property
-    def says(self) -> str:
-        """The end of a sentence that begins with "it looks as if"."""
-        columns = ", ".join(self.columns).replace("east_m, north_m", "east_m and north_m")
-        return f"{columns} were {self.meaning}"
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class _Case:
     """What readings are made of: sightings, poses, and the numbers of the tables behind them.
 
-    `rows` are those of the exposures in `numbers`, `enh` are east, north, height of the surveyed
-    points of the sightings, NaN for others.
+    `rows` are those of the exposures in `numbers`; `control` are the columns of the surveyed points
+    of the sightings, which are `known`.
     """
 
     frame: MappingFrame
@@ -311,24 +345,26 @@ class _Case:
     T_m_b: Pose
     numbers: Numbers
     rows: Index
-    enh: Array
+    known: Mask
+    control: Numbers
 
-    def moved(self, meaning: Meaning) -> Iterator[Reading]:
-        """Yield the reading of a trajectory, if its positions are on the earth."""
-        with np.errstate(all="ignore"):
-            T_m_b = poses({n: v[self.rows] for n, v in meaning.numbers.items()}, self.frame)
-        if np.isfinite(T_m_b.r).all() and np.isfinite(T_m_b.R).all():
-            columns, says, quantity, _ = meaning
-            yield Reading("trajectory", columns, says, quantity, self.seen, T_m_b)
-
-    def surveyed(self, columns: tuple[str, ...], says: str, enh: Array) -> Iterator[Reading]:
-        """Yield a reading of the surveyed points, if they are on the earth."""
-        known, x_m = np.isfinite(self.enh[:, 0]), self.seen.x_m.copy()
-        with np.errstate(all="ignore"):
-            x_m[known] = self.frame.from_grid(enh[known])
-        if np.isfinite(x_m[known]).all():
-            seen = replace(self.seen, x_m=x_m)
-            yield Reading("control_points", columns, says, "position", seen, self.T_m_b)
+    def tried(self, readings: Iterable[Reading]) -> Iterator[tuple[Reading, Sightings, Pose]]:
+        """Yield readings with their sightings and poses, if these are on the earth."""
+        for reading in readings:
+            seen, T_m_b, values = self.seen, self.T_m_b, reading.changed
+            with np.errstate(all="ignore"):
+                if reading.table == "trajectory":
+                    numbers = {**self.numbers, **values}
+                    T_m_b = poses({n: v[self.rows] for n, v in numbers.items()}, self.frame)
+                elif reading.table == "control_points":
+                    x_m = seen.x_m.copy()
+                    enh = _stack({**self.control, **values}, (*EAST_NORTH, "height_m"))
+                    x_m[self.known] = self.frame.from_grid(enh)
+                    seen = replace(seen, x_m=x_m)
+                else:
+                    seen = replace(seen, **values)
+            if all(np.isfinite(x).all() for x in (T_m_b.r, T_m_b.R, seen.x_m[self.known])):
+                yield reading, seen, T_m_b
 
 
 def _case(block: Block, trajectory: Recorded, seen: Sightings, enh: Array | None = None) -> _Case:
@@ -336,44 +372,110 @@ def _case(block: Block, trajectory: Recorded, seen: Sightings, enh: Array | None
     place = {name: row for row, name in enumerate(trajectory.text["exposure"])}
     rows = np.array([place[block.trajectory.exposures[i]] for i in seen.exposures], dtype=np.intp)
     near = np.unique(np.clip(rows[:, None] + [-1, 0, 1], 0, len(place) - 1))
-    if enh is None:
-        enh = np.full_like(seen.x_m, np.nan)
-        known = np.isfinite(seen.x_m[:, 0])
-        enh[known] = block.frame.to_grid(seen.x_m[known])
+    known = np.isfinite(seen.x_m[:, 0])
+    given = block.frame.to_grid(seen.x_m[known]) if enh is None else enh[known]
     return _Case(
         frame=block.frame,
         seen=seen,
         T_m_b=block.trajectory.T_m_b[seen.exposures],
         numbers={name: values[near] for name, values in trajectory.numbers.items()},
         rows=np.searchsorted(near, rows),
-        enh=enh,
+        known=known,
+        control=_columns((*EAST_NORTH, "height_m"), given),
     )
 
 
-def _of_trajectory(case: _Case) -> Iterator[Reading]:
-    for meaning in meanings(case.numbers, case.frame.grid):
-        yield from case.moved(meaning)
-    if len(case.seen.cameras) == 1:
-        for meaning in of_camera(case.numbers, case.seen.cameras[0].T_b_c.R):
-            yield from case.moved(meaning)
-
-
-def _of_heights(case: _Case) -> Iterator[Reading]:
-    known, enh = np.isfinite(case.enh[:, 0]), case.enh.copy()
-    grid = case.frame.grid
-    lonlat = grid.lonlat_from_grid(enh[known, :2])
-    for says, height in height_readings(case.enh[known, 2], lonlat, grid):
-        enh[known, 2] = height
-        yield from case.surveyed(("height_m",), says, enh)
+def _readings(case: _Case, *, turned: bool = False) -> Iterator[Reading]:
+    """Yield the usual readings of a block, the simplest first; cameras turned, too, if asked."""
+    grid, cameras = case.frame.grid, case.seen.cameras
+    if case.known.any():
+        xy, height = _stack(case.control, EAST_NORTH), case.control["height_m"]
+        for says, other in height_readings(height, grid.lonlat_from_grid(xy), grid):
+            yield Reading("control_points", ("height_m",), says, "position", {"height_m": other})
+        for says, other in _plane_readings(xy, grid):
+            values = _columns(EAST_NORTH, other)
+            yield Reading("control_points", EAST_NORTH, says, "position", values)
+    yield from of_positions(case.numbers, grid)
+    if turned:
+        yield from _turned_cameras(case)
+    R_b_c = cameras[0].T_b_c.R if len(cameras) == 1 else None
+    yield from of_trajectory(case.numbers, grid, R_b_c)
+    yield from _of_pixels(case)
 
 
 def _of_pixels(case: _Case) -> Iterator[Reading]:
-    seen, given = case.seen, case.seen.cameras
-    size = np.array([[c.width_px, c.height_px] for c in given])[seen.camera_idx]
-    pixel_mm = np.array([[c.pixel_mm] for c in given])[seen.camera_idx]
-    for columns, meaning, colrow in pixel_readings(seen.colrow, size, pixel_mm):
-        other = replace(seen, colrow=colrow)
-        yield Reading("image_points", columns, meaning, "image", other, case.T_m_b)
+    seen, size, ahead = case.seen, _sizes(case.seen), case.T_m_b.R[:, :2, 0]
+    pixel_mm = np.array([[c.pixel_mm] for c in seen.cameras])[seen.camera_idx]
+    for columns, says, colrow in pixel_readings(seen.colrow, size, pixel_mm):
+        yield Reading("image_points", columns, says, "image", {"colrow": colrow})
+    against = (ahead @ ahead[0] < 0)[seen.exposure_idx]
+    for back in (against, ~against) if 0 < against.mean() < 1 else ():
+        says = "images of the strips in one direction turned by 180 degrees (shown north up)"
+        colrow = np.where(back[:, None], size - 1 - seen.colrow, seen.colrow)
+        yield Reading("image_points", ("col_px", "row_px"), says, "image", {"colrow": colrow})
+
+
+def _sizes(seen: Sightings) -> Array:
+    """Return width and height of the image of every measurement, px, shape (n, 2)."""
+    return np.array([[c.width_px, c.height_px] for c in seen.cameras])[seen.camera_idx]
+
+
+LEAST_SURVEYED = 4
+"""Number of surveyed points from which they may be moved or scaled."""
+
+DELAY_S = 10.0
+"""Prior sigma of a delay, s: where a lever arm may be the same, it is a delay."""
+
+SCALES = (0.0, -0.4, -0.2, 0.2, 0.4)
+"""Scales of images to begin with, since steps do not lead from one to another."""
+
+
+def _numbered(block: Block, seen: Sightings, T_m_b: Pose) -> Iterator[Reading]:
+    """Yield the readings with numbers that are estimated."""
+    velocity, surveyed = _velocities(block, seen), np.isfinite(seen.x_m[:, 0])
+    from_middle = (seen.colrow - (_sizes(seen) - 1) / 2)[:, :, None]
+    moves = []
+    if velocity is not None:
+        moves.append(Moves("r", velocity[:, :, None], _delayed, (1.0,), sigma=DELAY_S))
+    if surveyed.sum() >= LEAST_SURVEYED:
+        shift = np.where(surveyed[:, None, None], np.eye(3), 0.0)
+        scale = np.nan_to_num(seen.x_m - np.nanmean(seen.x_m, axis=0))[:, :, None]
+        says = "control points moved by {:+.2f} m east and {:+.2f} m north, as from another epoch,"
+        moves.append(Moves("x_m", shift[:, :, :2], says.format, (1.0, 1.0)))
+        says = "control points moved by {:+.1f} m in height, as from another height system,"
+        moves.append(Moves("x_m", shift[:, :, 2:], says.format, (1.0,)))
+        says = "control points scaled by {:+.0f} ppm, as from the ground to the grid,"
+        moves.append(Moves("x_m", scale * [[1], [1], [0]], says.format, (1e6,)))
+    says = "image coordinates scaled by about {:+.0f} %, as by another focal_mm or pixel_um,"
+    moves.append(Moves("colrow", from_middle, says.format, (100.0,), starts=SCALES))
+    says = "pixels that are {:+.2f} % wider than high"
+    moves.append(Moves("colrow", from_middle * [[1], [0]], says.format, (100.0,)))
+    if velocity is not None:
+        px = np.array([c.interior.f / c.pixel_mm for c in seen.cameras])[seen.camera_idx]
+        by_x = px[:, None, None] * _linear(seen, T_m_b, started(seen, T_m_b))[2]
+        moved = by_x @ velocity[seen.exposure_idx][:, :, None] * [[1], [-1]]
+        by = moved * from_middle[:, 1:] / _sizes(seen)[:, 1:, None]
+        says = "rows read out one after the other, a rolling shutter of {:+.0f} ms,"
+        moves.append(Moves("colrow", by, says.format, (-1000.0,)))
+    for one in moves:
+        yield Reading("", (), "", "image" if one.what == "colrow" else "position", {}, one)
+
+
+def _delayed(delay_s: float) -> str:
+    return f"positions recorded {abs(delay_s):.2g} s {'late' if delay_s < 0 else 'early'}"
+
+
+def _velocities(block: Block, seen: Sightings) -> Array | None:
+    """Return the velocity of every exposure in use, m/s, shape (n, 3); None without times."""
+    time_s = block.trajectory.time_s
+    if len(time_s) < len(block.trajectory) or not np.isfinite(time_s).all():
+        return None
+    velocity, strips = np.zeros((len(time_s), 3)), np.array(strip_of_exposure(block), dtype=object)
+    for strip in dict.fromkeys(strips):
+        rows = np.flatnonzero(strips == strip)
+        if len(rows) > 1 and np.all(np.diff(time_s[rows]) > 0):
+            velocity[rows] = np.gradient(block.trajectory.T_m_b.r[rows], time_s[rows], axis=0)
+    return velocity[seen.exposures] if np.any(velocity) else None
 
 
 # --- Whether surveyed points project near their measurements, and the likely mistake if not
@@ -392,11 +494,8 @@ EXPLAINED_BY = 5000
 MOST = 0.75
 """Quantile of the distances that must be within the limit after a mistake is undone."""
 
-CLEARLY = 0.9
-"""Ratio to the best misfit so far below which a later reading is clearly the better explanation."""
-
 TURNED = 0.5
-"""The same ratio from which turned cameras explain nothing: they bring any far points near."""
+"""The same distance from which turned cameras explain nothing: they bring any far points near."""
 
 FAR = 50_000.0
 """Distance of a block from its control points, m, that only another CRS explains."""
@@ -433,20 +532,18 @@ def misses(block: Block) -> tuple[Sightings, Array]:
     ratio : ndarray, shape (n,)
         In quarters of the image diagonal; infinite behind the camera.
     """
-    x_m = np.full((len(block.points), 3), np.nan)
-    for surveyed in (block.control, block.check):
-        x_m[surveyed.point_idx] = surveyed.x_m
+    x_m = _surveyed(block)
     known = np.isfinite(x_m[block.image_points.point_idx, 0])
     seen = _sightings_of(block, block.image_points[known], x_m)
     return seen, _ratio(seen, block.trajectory.T_m_b[seen.exposures])
 
 
 def _ratio(seen: Sightings, T_m_b: Pose) -> Array:
-    start = Mounted(cameras=seen.cameras, x_m=seen.x_m)
     with np.errstate(all="ignore"):
-        v = np.linalg.norm(_linear(seen, T_m_b, start, np.zeros((len(T_m_b), 3)))[0], axis=1)
+        v = _linear(seen, T_m_b, Mounted(cameras=seen.cameras, x_m=seen.x_m))[0]
     quarter = [c.diagonal_px * c.pixel_mm / (4 * c.interior.f) for c in seen.cameras]
-    return np.nan_to_num(v / np.array(quarter)[seen.camera_idx], nan=np.inf)
+    ratio = np.linalg.norm(v, axis=1) / np.array(quarter)[seen.camera_idx]
+    return np.nan_to_num(ratio, nan=np.inf)
 
 
 def contradictions(
@@ -467,33 +564,30 @@ def contradictions(
     seen, ratio = misses(block)
     if not len(seen):
         return
-    mine = {k: ratio[seen.camera_idx == k] for k in range(len(block.cameras))}
-    judged = {k: own for k, own in mine.items() if len(own) >= JUDGED}
-    wrong = [k for k, own in judged.items() if _upper(own, 0.5) > 1]
+    mine = {k: seen.camera_idx == k for k in range(len(block.cameras))}
+    judged = [k for k, rows in mine.items() if rows.sum() >= JUDGED]
+    wrong = [k for k in judged if _upper(ratio[mine[k]], 0.5) > 1]
     if wrong and len(wrong) < len(judged):
         for k in wrong:
-            some = _some(seen, np.flatnonzero(seen.camera_idx == k))
-            case = _case(block, trajectory, some, enh[seen.points])
-            found = _explained(block, _turned_cameras(case), files, mine[k], only=k)
-            camera = block.cameras[k].name
-            yield found._replace(table="mount", column="mount_kappa_deg", camera=camera)
+            case = _part(block, trajectory, seen, enh, mine[k])
+            yield _explained(block, case, files, ratio[mine[k]], only=k)
     elif _upper(ratio, MOST) > 1:
-        case = _case(block, trajectory, _some(seen, np.arange(len(seen))), enh[seen.points])
-        found = _explained(block, _mistakes(case), files, ratio)
+        found = _explained(block, _part(block, trajectory, seen, enh, ratio >= 0), files, ratio)
         if found.table or _upper(ratio, 0.5) > 1:
             yield found if found.table else found._replace(table="control_points")
 
 
-def _some(seen: Sightings, rows: Index) -> Sightings:
-    """Return some measurements, not too many."""
-    rows = rows[:: -(-len(rows) // EXPLAINED_BY)]
-    return replace(
+def _part(block: Block, trajectory: Recorded, seen: Sightings, enh: Array, chosen: Mask) -> _Case:
+    """Return the case of the chosen measurements, or of every so many."""
+    rows = np.flatnonzero(chosen)[:: -(-int(chosen.sum()) // EXPLAINED_BY)]
+    some = replace(
         seen,
         camera_idx=seen.camera_idx[rows],
         exposure_idx=seen.exposure_idx[rows],
         point_idx=seen.point_idx[rows],
         colrow=seen.colrow[rows],
     )
+    return _case(block, trajectory, some, enh[seen.points])
 
 
 def _upper(values: Array, quantile: float) -> float:
@@ -502,67 +596,49 @@ def _upper(values: Array, quantile: float) -> float:
 
 def _explained(
     block: Block,
-    tried: Iterator[Reading],
+    case: _Case,
     files: Mapping[str, str],
     ratio: Array,
     only: int | None = None,
 ) -> Contradiction:
     """Return the sentence on a block, or on one of its cameras; no table if nothing explains it."""
+    of = slice(None) if only is None else slice(only, only + 1)
+    camera = block.cameras[of][0].name
     allowed = float(np.median([c.diagonal_px / 4 for c in block.cameras]))
-    of_camera = "" if only is None else f" in images of {block.cameras[only].name}"
     median = float(np.median(ratio)) * allowed
     place = f"{median:.0f} px from their measurements" if median < np.inf else "behind the camera"
     found = (
-        f"control points{of_camera} lie {place} (median; {int((ratio > 1).sum())} of {len(ratio)} "
-        f"too far) with the trajectory of {files['trajectory']} and the points of "
-        f"{files['control_points']}"
+        f"control points{'' if only is None else f' in images of {camera}'} lie {place} (median; "
+        f"{int((ratio > 1).sum())} of {len(ratio)} too far) with the trajectory of "
+        f"{files['trajectory']} and the points of {files['control_points']}; "
     )
-    expected = f"must be below {allowed:.0f} px, a quarter of the image diagonal"
-    best, after = _best_explanation(tried)
-    if best is None:
-        cure = _whereabouts(block) if only is None else "no turn of its axes explains it"
-        return Contradiction("", "east_m", "", f"{found}; {cure}", expected)
-    after_px = f"(then {after * allowed:.0f} px)"
-    if not best.columns:
-        of = slice(None) if only is None else slice(only, only + 1)
-        says = _turned_axes(block.cameras[of], best.seen.cameras[of])
-        found = f"{found}; it looks as if {says} {after_px}"
-        return Contradiction("mount", "mount_kappa_deg", block.cameras[0].name, found, expected)
-    column = best.columns[0 if best.quantity == "position" else -1]
-    found = f"{found}; it looks as if {best.says} in {files[best.table]} {after_px}"
+    table, column = ("", "east_m") if only is None else ("mount", "mount_kappa_deg")
+    readings = _readings(case, turned=True) if only is None else _turned_cameras(case)
+    after = [(reading, _ratio(seen, T_m_b)) for reading, seen, T_m_b in case.tried(readings)]
+    mended = [(r, own) for r, own in after if _upper(own, MOST) < 1]
+    if not mended:
+        found += _whereabouts(block) if only is None else "no turn of its axes explains it"
+    else:
+        best, own = mended[_alike([_upper(own, MOST) for _, own in mended])[0]]
+        table, column = best.table, best.columns[0 if best.quantity == "position" else -1]
+        if table == "mount":
+            says = _turned_axes(block.cameras[of], best.changed["cameras"][of])
+        else:
+            columns = ", ".join(best.columns).replace("east_m, north_m", "east_m and north_m")
+            says = f"{columns} were {best.meaning} in {files[table]}"
+        found += f"it looks as if {says} (then {np.median(own) * allowed:.0f} px)"
     column = column if column != "positions" else "exposure"
-    return Contradiction(best.table, column, "", found, expected)
-
-
-def _best_explanation(tried: Iterable[Reading]) -> tuple[Reading | None, float]:
-    """Return the reading that explains nearly all misfits, or None, and the median ratio then."""
-    best, least, after = None, 1.0 / CLEARLY, np.inf
-    for reading in tried:
-        ratio = _ratio(reading.seen, reading.T_m_b)
-        if _upper(ratio, MOST) < CLEARLY * least:
-            best, least, after = reading, _upper(ratio, MOST), float(np.median(ratio))
-    return best, after
-
-
-def _mistakes(case: _Case) -> Iterator[Reading]:
-    """Yield a block with each of the usual mistakes undone."""
-    yield from _of_heights(case)
-    for says, xy in _plane_readings(case.enh[:, :2], case.frame.grid):
-        enh = np.column_stack([xy, case.enh[:, 2]])
-        yield from case.surveyed(("east_m", "north_m"), says, enh)
-    yield from _of_positions(case)
-    yield from _turned_cameras(case)
-    yield from _of_trajectory(case)
-    yield from _of_pixels(case)
+    expected = f"must be below {allowed:.0f} px, a quarter of the image diagonal"
+    return Contradiction(table, column, camera, found, expected)
 
 
 def _turned_cameras(case: _Case) -> Iterator[Reading]:
     """Yield the block with its cameras turned onto the surveyed points, if that explains much."""
     with np.errstate(all="ignore"):
-        cameras = started(case.seen, case.T_m_b).cameras
-    seen = replace(case.seen, cameras=cameras)
+        seen = replace(case.seen, cameras=started(case.seen, case.T_m_b).cameras)
     if _upper(_ratio(seen, case.T_m_b), MOST) < TURNED:
-        yield Reading("mount", (), "", "attitude", seen, case.T_m_b)
+        cameras = {"cameras": seen.cameras}
+        yield Reading("mount", ("mount_kappa_deg",), "", "attitude", cameras)
 
 
 def _turned_axes(declared: Sequence[Camera], cameras: Sequence[Camera]) -> str:
@@ -582,16 +658,6 @@ def _turned_axes(declared: Sequence[Camera], cameras: Sequence[Camera]) -> str:
     )
 
 
-def _of_positions(case: _Case) -> Iterator[Reading]:
-    on_map = "lat_deg" not in case.numbers
-    columns = ("east_m", "north_m") if on_map else ("lon_deg", "lat_deg")
-    xy = np.stack([case.numbers[name] for name in columns], axis=-1)
-    of_plane = ((columns, says, other) for says, other in _plane_readings(xy, case.frame.grid))
-    for shown, says, other in of_plane if on_map else _degree_readings(xy):
-        numbers = {**case.numbers, **dict(zip(columns, other.T, strict=True))}
-        yield from case.moved(Meaning(shown, says, "position", numbers))
-
-
 def _whereabouts(block: Block) -> str:
     """Return a sentence on the distance between control and exposures, to find the mistake."""
     surveyed = np.concatenate([block.control.x_m, block.check.x_m])
@@ -608,11 +674,9 @@ def _whereabouts(block: Block) -> str:
 # --- Readings of a flight that is not refused, compared by an adjustment
 
 
-BETTER = 2.0
-"""Ratio of the given reading's misfit to another's below which no other reading is named."""
-
-CERTAIN = 5.0
-"""Logarithm of this ratio, in its standard deviations, below which no other reading is named.
+BETTER, CERTAIN = 2.0, 5.0
+"""Ratio of the given reading's misfit to another's below which no other reading is named, and the
+logarithm of this ratio, in its standard deviations.
 
 Every exposure has two independent components of attitude or more, and the quantile of the misfit
 needs about twice the data that a standard deviation needs: n exposures are worth n degrees of
@@ -620,10 +684,7 @@ freedom, and the logarithm of a ratio of two has the standard deviation 1 / sqrt
 """
 
 FITTED, FITTED_CERTAIN = 1.5, 2.5
-"""The same for readings with a fitted number, of which there are six and not a hundred."""
-
-GROSS = 10.0
-"""Ratio of the residuals of the worst images above which a reading of some images is named."""
+"""The same for readings with an estimated number, of which there are seven and not a hundred."""
 
 ALIKE = 1.25
 """Ratio of misfits below which the simpler of two readings is named."""
@@ -685,6 +746,10 @@ def _shown(value: float, unit: str) -> str:
     return f"{number}{unit}" if unit == "°" else f"{number} {unit}"
 
 
+_Tried = tuple["Reading", "Sightings", Pose]
+_Fit = tuple["Mounted", "Reading", "Sightings", Pose]
+
+
 def best_reading(flight: Any, block_name: str) -> Found | None:
     """Return the reading of a block with a much smaller misfit than the given one; or None.
 
@@ -709,12 +774,16 @@ def best_reading(flight: Any, block_name: str) -> Found | None:
     with np.errstate(all="ignore"):  # readings may be absurd
         case = _case(block, flight.trajectories[block_name], seen)
         given = mounted(seen, case.T_m_b)
-        tried = [
-            (reading, mounted(reading.seen, reading.T_m_b, reading.velocity))
-            for reading in _promising([*_readings(block, case)], started(seen, case.T_m_b).misfit)
+        usual = started(seen, case.T_m_b).misfit
+        fits = [
+            (mounted(others, T_m_b), reading, others, T_m_b)
+            for reading, others, T_m_b in _promising([*case.tried(_readings(case))], usual)
         ]
-        named = _best(tried, given, seen) or _best_fitted(block, seen, given)
-        return named or other_unit(block, seen, given)
+        if np.isfinite(given.misfit):
+            numbered = _numbered(block, seen, case.T_m_b)
+            fitted = [(mounted(seen, case.T_m_b, r.moves), r, seen, case.T_m_b) for r in numbered]
+            fits += sorted(fitted, key=lambda fit: fit[0].misfit)
+        return _best(fits, given, seen) or other_unit(block, seen, given)
 
 
 def notes(flight: Any) -> Iterator[str]:
@@ -725,75 +794,31 @@ def notes(flight: Any) -> Iterator[str]:
             yield f"{name}: {reading.sentence}"
 
 
-def _readings(block: Block, case: _Case) -> Iterator[Reading]:
-    """Yield the usual readings of a block, the simplest first."""
-    yield from _of_trajectory(case)
-    if (velocity := _velocities(block, case.seen)) is not None:
-        yield Reading("", (), "", "position", case.seen, case.T_m_b, velocity)
-    if np.isfinite(case.enh[:, 0]).any():
-        yield from _of_heights(case)
-        swapped = case.enh[:, [1, 0, 2]]
-        yield from case.surveyed(("east_m", "north_m"), "swapped", swapped)
-    yield from _north_up(case)
-    yield from _of_pixels(case)
-
-
-def _north_up(case: _Case) -> Iterator[Reading]:
-    """Yield readings with images of one flying direction turned by 180 degrees, shown north up.
-
-    The direction is against that of the first exposure, or along it.
-    """
-    seen, ahead = case.seen, case.T_m_b.R[:, :2, 0]
-    size = np.array([[c.width_px, c.height_px] for c in seen.cameras])[seen.camera_idx]
-    against = (ahead @ ahead[0] < 0)[seen.exposure_idx]
-    if not against.any() or against.all():
-        return
-    for turned in (against, ~against):
-        colrow = np.where(turned[:, None], size - 1 - seen.colrow, seen.colrow)
-        says = "images of the strips in one direction turned by 180 degrees (shown north up)"
-        back = replace(seen, colrow=colrow)
-        yield Reading("image_points", (), says, "image", back, case.T_m_b, of_some=True)
-
-
-def _promising(others: list[Reading], usual: float) -> list[Reading]:
-    """Return the best readings before an adjustment, in their order, and that of the clock."""
-    misfits = np.array([started(reading.seen, reading.T_m_b).misfit for reading in others])
+def _promising(others: list[_Tried], usual: float) -> list[_Tried]:
+    """Return the best readings before an adjustment, in their order."""
+    misfits = np.array([started(seen, T_m_b).misfit for _, seen, T_m_b in others])
     limit = min(PROMISING * usual, np.sort(misfits)[:MOST_TRIED].max(initial=0.0))
-    return [r for r, m in zip(others, misfits, strict=True) if m <= limit or r.velocity is not None]
+    return [one for one, misfit in zip(others, misfits, strict=True) if misfit <= limit]
 
 
-def _best(tried: list[tuple[Reading, Mounted]], given: Mounted, seen: Sightings) -> Found | None:
+def _alike(misfits: Sequence[float]) -> Index:
+    """Return the places of those about as good as the best, the simplest first."""
+    return np.flatnonzero(np.array(misfits) <= ALIKE * min(misfits, default=0.0))
+
+
+def _best(fits: list[_Fit], given: Mounted, seen: Sightings) -> Found | None:
     """Return the simplest of the best readings, if much better than the given reading."""
-    camera = seen.cameras[0]
+    camera, n = seen.cameras[0], len(seen.exposures)
     floor = FLOOR_PX * camera.pixel_mm / camera.interior.f
-    for reading, fit in tried:
-        mends = GROSS * (fit.worst + floor) < given.worst + floor
-        if reading.of_some and mends and fit.misfit < ALIKE * given.misfit:
-            return _found(
-                reading, replace(given, misfit=given.worst), replace(fit, misfit=fit.worst)
-            )
-    better = max(BETTER, np.exp(CERTAIN / np.sqrt(len(seen.exposures))))
-    good = [(r, m) for r, m in tried if better * (m.misfit + floor) < given.misfit + floor]
-    if not good:
-        return None
-    least = min(m.misfit for _, m in good) + floor
-    alike = [(r, m) for r, m in good if m.misfit + floor < ALIKE * least]
-    near = [(r, m) for r, m in alike if _turn(m, seen) < NEAR]
-    reading, fit = (near or alike)[0]
-    return _found(_named(reading, fit), given, fit)
-
-
-def _best_fitted(block: Block, seen: Sightings, given: Mounted) -> Found | None:
-    """Return the best reading with a fitted number, if clearly better than the given reading."""
-    camera = seen.cameras[0]
-    floor = FLOOR_PX * camera.pixel_mm / camera.interior.f
-    tried = list(_numbered_readings(block, seen, given))
-    if not tried:
-        return None
-    reading, fit = min(tried, key=lambda pair: pair[1].misfit)
-    better = max(FITTED, np.exp(FITTED_CERTAIN / np.sqrt(len(seen.exposures))))
-    clearly = better * (fit.misfit + floor) < given.misfit + floor
-    return _found(reading, given, fit) if clearly else None
+    good = []
+    for fit in fits:
+        least, certain = (BETTER, CERTAIN) if fit[1].moves is STILL else (FITTED, FITTED_CERTAIN)
+        better = max(least, np.exp(certain / np.sqrt(n)))
+        if better * (fit[0].misfit + floor) < given.misfit + floor:
+            good.append(fit)
+    alike = [good[i] for i in _alike([fit.misfit + floor for fit, *_ in good])]
+    near = [fit for fit in alike if _turn(fit[0], seen) < NEAR]
+    return next((_found(given, *fit) for fit in near or alike), None)
 
 
 def _turn(fit: Mounted, seen: Sightings) -> float:
@@ -804,21 +829,14 @@ def _turn(fit: Mounted, seen: Sightings) -> float:
     )
 
 
-def _named(reading: Reading, fit: Mounted) -> Reading:
-    """Return the reading with its estimated delay in its name."""
-    if reading.velocity is None:
-        return reading
-    late = "late" if fit.delay_s < 0 else "early"
-    return replace(reading, meaning=f"positions recorded {abs(fit.delay_s):.2g} s {late}")
-
-
-def _found(reading: Reading, given: Mounted, fit: Mounted) -> Found:
+def _found(given: Mounted, fit: Mounted, reading: Reading, seen: Sightings, T_m_b: Pose) -> Found:
     """Return a reading with its misfits, as errors of attitude, position or measurement."""
-    seen, camera = reading.seen, fit.cameras[0]
-    rays_m = fit.x_m[seen.point_idx] - reading.T_m_b.r[seen.exposure_idx]
+    camera, moves = fit.cameras[0], reading.moves
+    if moves is not STILL:
+        reading = reading._replace(meaning=moves.says(*np.multiply(moves.units, fit.sizes)))
     scale, unit, quantity = {
         "attitude": (np.degrees(1.0), "°", "attitude"),
-        "position": (float(np.nanmedian(np.linalg.norm(rays_m, axis=1))), "m", "position"),
+        "position": (_range_m(seen, T_m_b, fit), "m", "position"),
         "image": (camera.interior.f / camera.pixel_mm, "px", "image measurements"),
     }[reading.quantity]
     return Found(
@@ -828,6 +846,12 @@ def _found(reading: Reading, given: Mounted, fit: Mounted) -> Found:
         found=fit.misfit * scale,
         unit=unit,
     )
+
+
+def _range_m(seen: Sightings, T_m_b: Pose, fit: Mounted) -> float:
+    """Return the median distance of points from the body, m."""
+    rays_m = fit.x_m[seen.point_idx] - T_m_b.r[seen.exposure_idx]
+    return float(np.nanmedian(np.linalg.norm(rays_m, axis=1)))
 
 
 # --- Standard deviations in another unit: ratios of residuals to sigma
@@ -878,8 +902,7 @@ def other_unit(block: Block, seen: Sightings, given: Mounted) -> Found | None:
     px = camera.pixel_mm / camera.interior.f
     measured = px * _usual(block.image_points.sigma_px)
     units = [("image measurements", {"mm": 1 / camera.pixel_mm}, noise / measured, 0.0)]
-    rays_m = given.x_m[seen.point_idx] - T_m_b.r[seen.exposure_idx]
-    range_m = float(np.nanmedian(np.linalg.norm(rays_m, axis=1)))
+    range_m = _range_m(seen, T_m_b, given)
     position = _usual(block.trajectory.sigma_position[seen.exposures]) / range_m
     attitude = _usual(block.trajectory.sigma_attitude[seen.exposures, :2])
     for quantity, known, sigma, other in (
@@ -920,9 +943,6 @@ def _right(quantity: str, units: dict[str, float], misfit: float, others: float)
 # adjustment.
 
 
-WORST = 1 - 1 / 30
-"""Share of the residuals below `Mounted.worst`."""
-
 QUANTILE, NORMAL = 0.75, 1.1503
 """Quantile of the misfits that defines their size, and its value in the normal distribution."""
 
@@ -944,11 +964,18 @@ HELD, LOOSE = 1e30, 1e-12
 FREE_POSE, ENOUGH_LEFT = 6, 4
 """Unknowns of a free pose, and observations that must be left beyond them."""
 
-LEVER_M, DELAY_S = 1.0, 10.0
-"""Prior sigma of lever arm, m, and delay, s: where both are the same, it is a delay."""
+LEVER_M = 1.0
+"""Prior sigma of the lever arm, m."""
 
 FARTHEST_LEVER_M, FARTHEST_F = 10.0, 0.02
 """Largest plausible difference from declared lever arms, m, and share of focal lengths."""
+
+DIFFERENCE = 1e-5
+"""Of an estimated number, for its derivatives."""
+
+N_MOUNT, N_LENS = 6, 8
+N_CAMERA = N_MOUNT + N_LENS
+"""Columns of a camera: turn, lever arm, then f, xp, yp, k1, k2, k3, p1, p2."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -961,26 +988,23 @@ class Mounted:
         With their interior orientation and mounting.
     x_m : ndarray, shape (n_points, 3)
         Points, m.
-    delay_s : float
-        Time by which the trajectory's positions must move, s.
+    sizes : ndarray, shape (k,)
+        Numbers that were estimated with them.
     misfit : float
         Angle by which rays miss their points, per component, robustly; radians. Infinite where
         most points lie behind the cameras.
-    worst : float
-        Residual that one in thirty exceeds, radians: a robust misfit ignores these images.
     held : bool
         Whether lever arms and focal lengths are held as declared, since no plausible ones fit.
     """
 
     cameras: tuple[Camera, ...]
     x_m: Array
-    delay_s: float = 0.0
+    sizes: Array = field(default_factory=lambda: np.zeros(0))
     misfit: float = np.inf
-    worst: float = np.inf
     held: bool = False
 
 
-def mounted(seen: Sightings, T_m_b: Pose, velocity: Array | None = None) -> Mounted:
+def mounted(seen: Sightings, T_m_b: Pose, moves: Moves = STILL) -> Mounted:
     """Return the mountings and interior orientations that fit a trajectory best.
 
     Parameters
@@ -988,40 +1012,22 @@ def mounted(seen: Sightings, T_m_b: Pose, velocity: Array | None = None) -> Moun
     seen : Sightings
     T_m_b : Pose
         One per exposure.
-    velocity : ndarray, shape (n_exposures, 3), optional
-        m/s; with it a delay is estimated.
+    moves : Moves, optional
+        With numbers to be estimated.
     """
-    start = started(seen, T_m_b)
-    fit = _adjusted(seen, T_m_b, start, velocity)
-    if _plausible(fit, seen):
-        return fit
-    return _adjusted(seen, T_m_b, replace(start, held=True), velocity)
-
-
-def _plausible(fit: Mounted, seen: Sightings) -> bool:
-    """Tell whether lever arms and focal lengths are plausible, near their declared values."""
-    return all(
+    starts = []
+    for value in moves.starts:
+        sizes = np.full(len(moves.units), value)
+        other, moved, x_m = moves.applied(sizes, seen, T_m_b, seen.x_m)
+        starts.append(replace(started(replace(other, x_m=x_m), moved), sizes=sizes))
+    start = min(starts, key=lambda state: state.misfit)
+    fit = _adjusted(seen, T_m_b, start, moves)
+    plausible = all(
         np.linalg.norm(camera.T_b_c.r - declared.T_b_c.r) < FARTHEST_LEVER_M
         and abs(camera.interior.f / declared.interior.f - 1) < FARTHEST_F
         for camera, declared in zip(fit.cameras, seen.cameras, strict=True)
     )
-
-
-def _derivatives(seen: Sightings, T_m_b: Pose, fit: Mounted) -> Array:
-    """Return the derivatives of all residuals by their points, radians per m, shape (n, 2, 3)."""
-    return _linear(seen, T_m_b, fit, np.zeros((len(T_m_b), 3)))[2]
-
-
-def _pattern_sizes(seen: Sightings, T_m_b: Pose, fit: Mounted, patterns: Array) -> Array:
-    """Return the sizes of patterns in the residuals, estimated with all other unknowns."""
-    v, A, B = _linear(seen, T_m_b, fit, np.zeros((len(T_m_b), 3)))
-    prior = _prior_sigma(seen.cameras, held=fit.held, delayed=False)
-    wide = np.concatenate([prior, np.full(patterns.shape[2], np.inf)])
-    dx, _ = _step(seen, fit, (v, np.concatenate([A, patterns], axis=2), B), wide)
-    return dx[len(prior) :]
-
-
-# --- start ------------------------------------------------------------------------------------
+    return fit if plausible else _adjusted(seen, T_m_b, replace(start, held=True), moves)
 
 
 def started(seen: Sightings, T_m_b: Pose) -> Mounted:
@@ -1036,12 +1042,17 @@ def started(seen: Sightings, T_m_b: Pose) -> Mounted:
         One per exposure.
     """
     body = T_m_b[seen.exposure_idx]
-    ray_c, cameras = _rays(seen), list(seen.cameras)
+    ray_c, cameras = np.empty((len(seen), 3)), list(seen.cameras)
+    for k, camera in enumerate(cameras):
+        mine = seen.camera_idx == k
+        xy = correct(camera.interior, xy_from_colrow(camera, seen.colrow[mine]))
+        ray_c[mine] = np.column_stack([xy, np.full(len(xy), -camera.interior.f)])
+    ray_c /= np.linalg.norm(ray_c, axis=1, keepdims=True)
     for k, camera in enumerate(cameras):
         rows = np.flatnonzero((seen.camera_idx == k) & np.isfinite(seen.x_m[seen.point_idx, 0]))
         if len(rows) < 3:
             continue
-        targets = _to_body(body[rows], seen.x_m[seen.point_idx[rows]]) - camera.T_b_c.r
+        targets = to_camera(body[rows], seen.x_m[seen.point_idx[rows]]) - camera.T_b_c.r
         targets /= np.linalg.norm(targets, axis=1, keepdims=True)
         R_b_c = _turned(camera.T_b_c.R, ray_c[rows], targets)
         cameras[k] = replace(camera, T_b_c=Pose(R=R_b_c, r=camera.T_b_c.r))
@@ -1052,23 +1063,7 @@ def started(seen: Sightings, T_m_b: Pose) -> Mounted:
         met = intersect(body.r, transform(body.R @ R_b_c, ray_c), seen.point_idx, len(x_m))
         x_m[ties] = met[ties]
     start = Mounted(cameras=tuple(cameras), x_m=x_m)
-    return replace(start, misfit=size(_linear(seen, T_m_b, start, np.zeros((len(T_m_b), 3)))[0]))
-
-
-def _rays(seen: Sightings) -> Array:
-    """Return unit vectors of the measured rays in camera axes, shape (n, 3)."""
-    out = np.empty((len(seen), 3))
-    for k, camera in enumerate(seen.cameras):
-        of_camera = seen.camera_idx == k
-        out[of_camera, :2] = correct(
-            camera.interior, xy_from_colrow(camera, seen.colrow[of_camera])
-        )
-        out[of_camera, 2] = -camera.interior.f
-    return out / np.linalg.norm(out, axis=1, keepdims=True)
-
-
-def _to_body(T_m_b: Pose, x_m: Array) -> Array:
-    return np.einsum("nji,nj->ni", T_m_b.R, x_m - T_m_b.r)
+    return replace(start, misfit=size(_linear(seen, T_m_b, start)[0]))
 
 
 def _turned(R_b_c: Array, ray_c: Array, to_b: Array) -> Array:
@@ -1084,29 +1079,15 @@ def _turned(R_b_c: Array, ray_c: Array, to_b: Array) -> Array:
     return R_b_c
 
 
-# --- adjustment -------------------------------------------------------------------------------
-
-N_MOUNT, N_LENS = 6, 8
-N_CAMERA = N_MOUNT + N_LENS
-"""Columns of a camera: turn, lever arm, then f, xp, yp, k1, k2, k3, p1, p2; the last is a delay."""
-
-
-def _adjusted(
-    seen: Sightings,
-    T_m_b: Pose,
-    start: Mounted,
-    velocity: Array | None,
-) -> Mounted:
+def _adjusted(seen: Sightings, T_m_b: Pose, start: Mounted, moves: Moves) -> Mounted:
     """Return the robust adjustment from a start."""
-    prior = _prior_sigma(seen.cameras, held=start.held, delayed=velocity is not None)
-    if velocity is None:
-        velocity = np.zeros((len(T_m_b), 3))
+    prior = _prior_sigma(seen.cameras, held=start.held)
+    prior = np.concatenate([prior, np.full(len(moves.units), moves.sigma)])
     best = state = replace(start, misfit=np.inf)
     for _ in range(STEPS):
-        v, A, B = _linear(seen, T_m_b, state, velocity)
+        v, A, B = _linear(seen, T_m_b, state, moves)
         misfit = size(v)
-        worst = np.quantile(np.nan_to_num(np.abs(v), nan=np.inf), WORST, method="higher")
-        state = replace(state, misfit=misfit, worst=float(worst))
+        state = replace(state, misfit=misfit)
         settled = misfit > (1 - SETTLED) * best.misfit
         best = state if misfit < best.misfit else best
         if settled or not np.isfinite(misfit):
@@ -1143,7 +1124,7 @@ def measuring_noise(seen: Sightings, T_m_b: Pose, found: Mounted) -> float:
         Standard deviation of a component, median of the exposures, radians; NaN where none has
         measurements enough.
     """
-    v, A, B = _linear(seen, T_m_b, found, np.zeros((len(T_m_b), 3)))
+    v, A, B = _linear(seen, T_m_b, found)
     ok = np.all(np.isfinite(v), axis=1)
     variances = []
     for exposure in range(len(T_m_b)):
@@ -1158,43 +1139,53 @@ def measuring_noise(seen: Sightings, T_m_b: Pose, found: Mounted) -> float:
     return float(np.sqrt(np.median(variances))) if variances else np.nan
 
 
-def _prior_sigma(cameras: tuple[Camera, ...], *, held: bool, delayed: bool) -> Array:
-    """Return prior standard deviations of the unknowns, tiny for held unknowns."""
-    out = []
+def _prior_sigma(cameras: tuple[Camera, ...], *, held: bool) -> Array:
+    """Return prior standard deviations of the cameras' unknowns, tiny for held unknowns."""
+    out: list[float] = []
     for camera in cameras:
         f, r = camera.interior.f, 0.5 * camera.diagonal_px * camera.pixel_mm
         lens = [0.01 / r**2, 0.01 / r**4, 0.01 / r**6, 0.002 / r, 0.002 / r]
         lever, focal = (1e-6, 1e-6) if held else (LEVER_M, 0.01 * f)
-        out += [*[10.0] * 3, *[lever] * 3, focal, 0.005 * f, 0.005 * f, *lens]
-    return np.array([*out, DELAY_S if delayed else 1e-9])
+        out += [*[np.inf] * 3, *[lever] * 3, focal, 0.005 * f, 0.005 * f, *lens]
+    return np.array(out)
 
 
 def _linear(
-    seen: Sightings, T_m_b: Pose, state: Mounted, velocity: Array
+    seen: Sightings, T_m_b: Pose, state: Mounted, moves: Moves = STILL
 ) -> tuple[Array, Array, Array]:
     """Return residuals (n, 2) and derivatives by the unknowns (n, 2, p) and the points (n, 2, 3).
 
     All divided by the declared focal length, so in radians.
     """
-    moved = Pose(R=T_m_b.R, r=T_m_b.r + state.delay_s * velocity)
+    sizes = state.sizes
+    v, A, B = _of_cameras(*moves.applied(sizes, seen, T_m_b, state.x_m), state.cameras)
+    for unit in np.eye(len(sizes)):
+        there = moves.applied(sizes + DIFFERENCE * unit, seen, T_m_b, state.x_m)
+        by_size = (_of_cameras(*there, state.cameras)[0] - v) / DIFFERENCE
+        A = np.concatenate([A, by_size[:, :, None]], axis=2)
+    return v, A, B
+
+
+def _of_cameras(
+    seen: Sightings, T_m_b: Pose, x_m: Array, cameras: tuple[Camera, ...]
+) -> tuple[Array, Array, Array]:
+    """Return the same, by the unknowns of the cameras only."""
     v, B = np.empty((len(seen), 2)), np.empty((len(seen), 2, 3))
-    A = np.zeros((len(seen), 2, N_CAMERA * len(seen.cameras) + 1))
-    for k, camera in enumerate(state.cameras):
+    A = np.zeros((len(seen), 2, N_CAMERA * len(cameras)))
+    for k, camera in enumerate(cameras):
         rows = np.flatnonzero(seen.camera_idx == k)
         f, unit = camera.interior.f, seen.cameras[k].interior.f
-        T_m_c = moved[seen.exposure_idx[rows]] @ camera.T_b_c
-        x_c = to_camera(T_m_c, state.x_m[seen.point_idx[rows]])
+        T_m_c = T_m_b[seen.exposure_idx[rows]] @ camera.T_b_c
+        x_c = to_camera(T_m_c, x_m[seen.point_idx[rows]])
         xy = xy_from_colrow(camera, seen.colrow[rows])
         ideal = pinhole(f, x_c)
         v[rows] = (ideal - correct(camera.interior, xy)) / unit
         by_x = pinhole_jacobian(f, x_c) / unit
-        by_m = by_x @ np.swapaxes(T_m_c.R, -1, -2)
         by_lens = -correct_jacobian(camera.interior, xy)[:, :, :N_LENS] / unit
         by_lens[:, :, 0] = ideal / (f * unit)
         by_mount = [by_x @ skew(x_c), -by_x @ camera.T_b_c.R.T]
         A[rows, :, N_CAMERA * k : N_CAMERA * (k + 1)] = np.concatenate([*by_mount, by_lens], axis=2)
-        A[rows, :, -1] = -transform(by_m, velocity[seen.exposure_idx[rows]])
-        B[rows] = by_m
+        B[rows] = by_x @ np.swapaxes(T_m_c.R, -1, -2)
     return v, A, B
 
 
@@ -1207,9 +1198,7 @@ def _step(
     weight = (np.square(1 / (1 + u**2)) / state.misfit**2)[:, None, None]
     WA, WB = weight * A, weight * B
     N = np.einsum("nki,nkj->ij", WA, A, optimize=True) + np.diag(prior**-2)
-    h = np.einsum("nki,nk->i", WA, v)
-    declared = _from_declared(seen, state)
-    h[: len(declared)] += declared / prior[: len(declared)] ** 2
+    h = np.einsum("nki,nk->i", WA, v) + _from_declared(seen, state) / prior**2
     C, D, g = (np.zeros((len(seen.x_m), 3, *more)) for more in ((3,), (len(h),), ()))
     np.add.at(C, seen.point_idx, np.swapaxes(WB, 1, 2) @ B)
     np.add.at(D, seen.point_idx, np.swapaxes(WB, 1, 2) @ A)
@@ -1226,14 +1215,11 @@ def _step(
 
 def _from_declared(seen: Sightings, state: Mounted) -> Array:
     """Return the unknowns less their declared values; zero for turns, which are free."""
-    out = np.zeros(N_CAMERA * len(seen.cameras) + 1)
-    for k, (camera, declared) in enumerate(zip(state.cameras, seen.cameras, strict=True)):
-        c = N_CAMERA * k
-        out[c + 3 : c + N_MOUNT] = camera.T_b_c.r - declared.T_b_c.r
+    out = []
+    for camera, declared in zip(state.cameras, seen.cameras, strict=True):
         lens = camera.interior.to_array() - declared.interior.to_array()
-        out[c + N_MOUNT : c + N_CAMERA] = lens[:N_LENS]
-    out[-1] = state.delay_s
-    return out
+        out += [np.zeros(3), camera.T_b_c.r - declared.T_b_c.r, lens[:N_LENS]]
+    return np.concatenate([*out, state.sizes])
 
 
 def _moved(state: Mounted, dx: Array, x_m: Array) -> Mounted:
@@ -1246,190 +1232,15 @@ def _moved(state: Mounted, dx: Array, x_m: Array) -> Mounted:
         lens[0] = max(lens[0], 0.5 * camera.interior.f)
         mount = Pose(R=camera.T_b_c.R @ exp(turn), r=camera.T_b_c.r + d[3:N_MOUNT])
         cameras.append(replace(camera, interior=Interior.from_array(lens), T_b_c=mount))
-    return replace(state, cameras=tuple(cameras), x_m=x_m, delay_s=state.delay_s + float(dx[-1]))
-
-
-# --- Readings of a block with an estimated number: a shift, a scale or a delay
-#
-# Each is a pattern in the residuals. Its size is estimated together with mounting and lens, which
-# may absorb a part, and then removed from the measurements or from control.
-
-
-ROUNDS = 2, 3
-"""How often the sizes of a pattern are estimated, each time after an adjustment without it, and
-how often where the reading is promising."""
-
-PART = 0.25
-"""Share of the residuals, of which a pattern that may be named makes up more."""
-
-SEARCHED_PX = 10.0
-"""Misfit, px, from which the size of a pattern that has a limit is searched."""
-
-SEARCHED = 21
-"""Number of sizes that are tried then."""
-
-LEAST_SURVEYED = 4
-"""Number of surveyed points from which they may be moved or scaled."""
-
-
-class _Pattern(NamedTuple):
-    """The effect of a mistake on the measurements or on the surveyed points.
-
-    Attributes
-    ----------
-    name : str
-        With places for the sizes.
-    units : tuple of float
-        By which the sizes are multiplied for the name.
-    by_image, by_point : ndarray, shape (n, 2, k) or (n_points, 3, k)
-        Image coordinates, radians, or meters, per unit of each size; one of them is None.
-    limit : float
-        Where residuals are large, the size is searched between minus and plus this limit, since
-        linear steps do not lead to it; zero where they do.
-    """
-
-    name: str
-    units: tuple[float, ...]
-    by_image: Array | None = None
-    by_point: Array | None = None
-    limit: float = 0.0
-
-
-def _numbered_readings(
-    block: Block, seen: Sightings, given: Mounted
-) -> Iterator[tuple[Reading, Mounted]]:
-    """Yield the readings with a fitted number, each with its fitted cameras."""
-    T_m_b = block.trajectory.T_m_b[seen.exposures]
-    if not np.isfinite(given.misfit):
-        return
-    for pattern in (*_mounted_of_control(seen), *_mounted_of_images(block, seen, T_m_b, given)):
-        yield _fitted(pattern, seen, T_m_b, given)
-
-
-def _fitted(
-    pattern: _Pattern, seen: Sightings, T_m_b: Pose, given: Mounted
-) -> tuple[Reading, Mounted]:
-    """Return the reading with a pattern removed, and its fitted cameras."""
-    total, undone, fit = _start(pattern, seen, T_m_b, given)
-    usual, most = ROUNDS
-    for done in range(most):
-        if done >= usual and fit.misfit * FITTED > given.misfit:
-            break
-        by_size = _in_residuals(pattern, seen, T_m_b, fit)
-        step = _pattern_sizes(undone, T_m_b, fit, by_size)
-        if not total.any() and size(by_size @ step) < PART * given.misfit:
-            break  # without so small a part, the residuals are hardly smaller
-        sizes = total + step
-        without, adjusted = _fitted_without(pattern, seen, T_m_b, sizes)
-        if pattern.limit and adjusted.misfit > fit.misfit:
-            break  # a searched size is not left for a linear step that fits worse
-        total, undone, fit = sizes, without, adjusted
-    says = pattern.name.format(*np.multiply(pattern.units, total))
-    quantity = "image" if pattern.by_point is None else "position"
-    return Reading("", (), says, quantity, undone, T_m_b), fit
-
-
-def _start(
-    pattern: _Pattern, seen: Sightings, T_m_b: Pose, given: Mounted
-) -> tuple[Array, Sightings, Mounted]:
-    """Return the sizes to begin with, the sightings without them, and their fitted cameras."""
-    camera, unchanged = seen.cameras[0], (np.zeros(len(pattern.units)), seen, given)
-    if not pattern.limit or given.misfit < SEARCHED_PX * camera.pixel_mm / camera.interior.f:
-        return unchanged
-    fits = [
-        (_fitted_without(pattern, seen, T_m_b, np.array([size]))[1].misfit, size)
-        for size in np.linspace(-pattern.limit, pattern.limit, SEARCHED)
-    ]
-    sizes = np.array([min(fits)[1]])
-    undone, fit = _fitted_without(pattern, seen, T_m_b, sizes)
-    return (sizes, undone, fit) if fit.misfit < given.misfit else unchanged
-
-
-def _fitted_without(
-    pattern: _Pattern, seen: Sightings, T_m_b: Pose, sizes: Array
-) -> tuple[Sightings, Mounted]:
-    """Return the sightings without a pattern of these sizes, and their fitted cameras."""
-    undone = _without(pattern, seen, sizes)
-    return undone, mounted(undone, T_m_b)
-
-
-def _in_residuals(pattern: _Pattern, seen: Sightings, T_m_b: Pose, fit: Mounted) -> Array:
-    """Return the effect of a pattern on the residuals, radians, shape (n, 2, k)."""
-    if pattern.by_image is not None:
-        return -pattern.by_image
-    by_point = np.zeros((len(seen.x_m), 3, 1)) if pattern.by_point is None else pattern.by_point
-    return _derivatives(seen, T_m_b, fit) @ by_point[seen.point_idx]
-
-
-def _without(pattern: _Pattern, seen: Sightings, sizes: Array) -> Sightings:
-    """Return the sightings with a pattern of these sizes added."""
-    if pattern.by_point is not None:
-        return replace(seen, x_m=seen.x_m + pattern.by_point @ sizes)
-    if pattern.by_image is None:
-        return seen
-    scale = np.array([c.interior.f / c.pixel_mm for c in seen.cameras])[seen.camera_idx]
-    moved = scale[:, None] * (pattern.by_image @ sizes) * np.array([1.0, -1.0])
-    return replace(seen, colrow=seen.colrow + moved)
-
-
-def _mounted_of_control(seen: Sightings) -> Iterator[_Pattern]:
-    """Yield patterns of surveyed points of another epoch, and of another scale."""
-    surveyed: Mask = np.isfinite(seen.x_m[:, 0])
-    if surveyed.sum() < LEAST_SURVEYED:
-        return
-    shift, scale = np.zeros((len(surveyed), 3, 3)), np.zeros((len(surveyed), 3, 1))
-    shift[surveyed] = np.eye(3)
-    scale[surveyed, :2, 0] = seen.x_m[surveyed, :2] - seen.x_m[surveyed, :2].mean(axis=0)
-    says = "control points moved by {:+.2f} m east and {:+.2f} m north, as from another epoch,"
-    yield _Pattern(says, (1.0, 1.0), by_point=shift[:, :, :2])
-    says = "control points moved by {:+.1f} m in height, as from another height system,"
-    yield _Pattern(says, (1.0,), by_point=shift[:, :, 2:])
-    says = "control points scaled by {:+.0f} ppm, as from the ground to the grid,"
-    yield _Pattern(says, (1e6,), by_point=scale)
-
-
-def _mounted_of_images(
-    block: Block, seen: Sightings, T_m_b: Pose, given: Mounted
-) -> Iterator[_Pattern]:
-    """Yield patterns of pixels that are not square, and of a rolling shutter."""
-    xy, height = np.empty((len(seen), 2)), np.empty(len(seen))
-    for k, camera in enumerate(seen.cameras):
-        of_camera = seen.camera_idx == k
-        xy[of_camera] = xy_from_colrow(camera, seen.colrow[of_camera]) / camera.interior.f
-        height[of_camera] = camera.height_px
-    says = "image coordinates scaled by about {:+.0f} %, as by another focal_mm or pixel_um,"
-    yield _Pattern(says, (100.0,), by_image=xy[:, :, None], limit=0.5)
-    wider = np.stack([xy[:, 0], np.zeros(len(seen))], axis=1)[:, :, None]
-    yield _Pattern("pixels that are {:+.2f} % wider than high", (100.0,), by_image=wider)
-    velocity = _velocities(block, seen)
-    if velocity is not None:
-        share = (seen.colrow[:, 1] - (height - 1) / 2) / height
-        moved = _derivatives(seen, T_m_b, given) @ velocity[seen.exposure_idx][:, :, None]
-        says = "rows read out one after the other, a rolling shutter of {:+.0f} ms,"
-        yield _Pattern(says, (-1000.0,), by_image=share[:, None, None] * moved)
-
-
-def _velocities(block: Block, seen: Sightings) -> Array | None:
-    """Return the velocity of every exposure in use, m/s, shape (n, 3); None without times."""
-    time_s = block.trajectory.time_s
-    if len(time_s) < len(block.trajectory) or not np.isfinite(time_s).all():
-        return None
-    velocity, strips = np.zeros((len(time_s), 3)), np.array(strip_of_exposure(block), dtype=object)
-    for strip in dict.fromkeys(strips):
-        rows = np.flatnonzero(strips == strip)
-        if len(rows) > 1 and np.all(np.diff(time_s[rows]) > 0):
-            velocity[rows] = np.gradient(block.trajectory.T_m_b.r[rows], time_s[rows], axis=0)
-    return velocity[seen.exposures] if np.any(velocity) else None
+    sizes = state.sizes + dx[N_CAMERA * len(cameras) :]
+    return replace(state, cameras=tuple(cameras), x_m=x_m, sizes=sizes)
 
 
 # --- A part of a block's measurements, enough to compare readings of the flight by
 
 
-MOST_IMAGES = 60
-"""Largest number of images in use, spread over the block."""
-
-MOST_MEASUREMENTS = 900
-"""Largest number of their measurements, spread likewise."""
+MOST_IMAGES, MOST_MEASUREMENTS = 60, 900
+"""Largest numbers of images in use and of their measurements, spread over the block."""
 
 RUN = 10
 """Number of neighbouring exposures in use where tie points are needed."""
@@ -1437,11 +1248,8 @@ RUN = 10
 FEWEST_RAYS = 3
 """Of a tie point: two rays of one strip do not control angles across it."""
 
-FEWEST_EXPOSURES = 6
-"""Number of exposures below which a reading may fit by chance."""
-
-FEWEST_MEASUREMENTS = 30
-"""Number of measurements of surveyed points below which tie points are taken as well."""
+FEWEST_EXPOSURES, FEWEST_MEASUREMENTS = 6, 30
+"""Numbers of exposures and of measurements below which a reading may fit by chance."""
 
 BEYOND = 300_000.0
 """Distance from the median of the surveyed points, m, that no point of a block can have."""
@@ -1487,13 +1295,15 @@ def sightings(block: Block) -> Sightings | None:
     Surveyed points are enough where there are some in every image; else tie points are added.
     """
     x_m = _surveyed(block)
+    far = np.abs(x_m - np.nanmedian(x_m, axis=0)) > BEYOND if np.isfinite(x_m).any() else False
+    x_m = np.where(np.any(far, axis=-1, keepdims=True), np.nan, x_m)
     points = block.image_points[np.isfinite(block.image_points.sigma_px)]
-    few = _of_some_images(block, points[np.isfinite(x_m[points.point_idx, 0])])
-    if not _enough(block, few):
-        few = _with_ties(block, points, np.isfinite(x_m[:, 0]))
-    if not _enough(block, few):
-        return None
-    return _sightings_of(block, few, x_m)
+    is_surveyed = np.isfinite(x_m[:, 0])
+    for chosen in (_of_surveyed, _with_ties):
+        seen = _sightings_of(block, chosen(block, points, is_surveyed), x_m)
+        if len(seen.exposures) >= FEWEST_EXPOSURES and len(seen) >= FEWEST_MEASUREMENTS:
+            return seen
+    return None
 
 
 def _sightings_of(block: Block, few: ImagePoints, x_m: Array) -> Sightings:
@@ -1514,28 +1324,19 @@ def _sightings_of(block: Block, few: ImagePoints, x_m: Array) -> Sightings:
     )
 
 
-def _enough(block: Block, points: ImagePoints) -> bool:
-    exposures = np.unique(block.images.exposure_idx[points.image_idx])
-    return len(exposures) >= FEWEST_EXPOSURES and len(points) >= FEWEST_MEASUREMENTS
-
-
 def _surveyed(block: Block) -> Array:
-    """Return the coordinates of surveyed points on the earth, NaN for all other points."""
+    """Return the coordinates of surveyed points, NaN for all other points."""
     x_m = np.full((len(block.points), 3), np.nan)
     for surveyed in (block.control, block.check):
         x_m[surveyed.point_idx] = surveyed.x_m
-    known = np.isfinite(x_m[:, 0])
-    if known.any():
-        far = np.abs(x_m[known] - np.median(x_m[known], axis=0)).max(axis=1) > BEYOND
-        x_m[np.flatnonzero(known)[far]] = np.nan
     return x_m
 
 
-def _of_some_images(block: Block, points: ImagePoints) -> ImagePoints:
-    """Return the measurements of whole exposures, evenly spaced, and not too many of them."""
+def _of_surveyed(block: Block, points: ImagePoints, is_surveyed: Mask) -> ImagePoints:
+    """Return measurements of surveyed points, evenly spaced, and not too many of them."""
+    points = points[is_surveyed[points.point_idx]]
     exposure = block.images.exposure_idx[points.image_idx]
-    kept = _spaced(np.unique(exposure), _most_exposures(block))
-    points = points[np.isin(exposure, kept)]
+    points = points[np.isin(exposure, _spaced(np.unique(exposure), _most_exposures(block)))]
     return points[_spaced(np.arange(len(points)), MOST_MEASUREMENTS)]
 
 

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from acx4files import flight
-from acx4files.conventions import height_readings, meanings, of_camera, pixel_readings
+from acx4files.conventions import height_readings, of_trajectory, pixel_readings
 from acx4lib.geometry.frames import rotation_from_opk, rotation_from_rph
 from acx4lib.geometry.geodesy import GridSystem
 from support.flights.written import CONTROL, POINTS, TOML, TRAJECTORY, change, replace, write_flight
@@ -174,22 +174,18 @@ def angles(table, form):
     return np.stack([table[name] for name in names], axis=-1)
 
 
-def name_of(meaning):
-    plain = (re.sub("_(deg|m)$", "", column) for column in meaning.columns)
-    return f"{', '.join(plain)} {meaning.says}"
-
-
 def named(form):
-    return {name_of(reading): reading for reading in meanings(trajectory(form), GRID)}
+    return {reading.name: reading for reading in of_trajectory(trajectory(form), GRID)}
 
 
 @pytest.mark.parametrize("form", ["grid", "geodetic"])
 def test_no_two_readings_have_one_name_or_one_meaning(form):
-    found = list(meanings(trajectory(form), GRID))
-    assert len({name_of(reading) for reading in found}) == len(found) >= 30
-    numbers = [tuple(np.round(angles(r.numbers, form), 9).ravel()) for r in found]
-    heights = [tuple(r.numbers["height_m"]) for r in found]
-    assert len({*zip(numbers, heights, strict=True)}) == len(found)
+    found = list(of_trajectory(trajectory(form), GRID))
+    assert len({reading.name for reading in found}) == len(found) >= 30
+    numbers = [{**trajectory(form), **reading.changed} for reading in found]
+    rounded = [np.round(angles(own, form), 9).ravel() for own in numbers]
+    heights = [own["height_m"] for own in numbers]
+    assert len({(*a, *h) for a, h in zip(rounded, heights, strict=True)}) == len(found)
 
 
 @pytest.mark.parametrize(
@@ -202,7 +198,7 @@ def test_no_two_readings_have_one_name_or_one_meaning(form):
     ],
 )
 def test_other_orders_are_scipys_intrinsic_rotations(form, name, order, columns):
-    turned = np.radians(angles(named(form)[name].numbers, form))
+    turned = np.radians(angles(named(form)[name].changed, form))
     R = rotation_from_opk(turned) if form == "grid" else rotation_from_rph(turned)
     expected = Rotation.from_euler(order, ANGLES[:, columns], degrees=True).as_matrix()
     assert_allclose(R, expected, atol=1e-12)
@@ -211,14 +207,14 @@ def test_other_orders_are_scipys_intrinsic_rotations(form, name, order, columns)
 @pytest.mark.parametrize("form", ["grid", "geodetic"])
 def test_the_transposed_rotation_is_the_inverse(form):
     (reading,) = (r for name, r in named(form).items() if "transposed" in name)
-    turned, given = np.radians(angles(reading.numbers, form)), np.radians(ANGLES)
+    turned, given = np.radians(angles(reading.changed, form)), np.radians(ANGLES)
     rotation = rotation_from_opk if form == "grid" else rotation_from_rph
     assert_allclose(rotation(turned) @ rotation(given), np.tile(np.eye(3), (3, 1, 1)), atol=1e-12)
 
 
 def test_a_heading_from_grid_north_differs_by_the_convergence():
     """To first order, the convergence is the difference of longitude times sin(latitude)."""
-    turned = angles(named("geodetic")["heading from grid north"].numbers, "geodetic")
+    turned = angles(named("geodetic")["heading from grid north"].changed, "geodetic")
     lat, lon = np.array([49.0, 50.0, 51.0]), np.array([12.0, 15.0, 17.0])
     expected = (lon - 15.0) * np.sin(np.radians(lat))
     assert_allclose(turned[:, 2] - ANGLES[:, 2], expected, atol=2e-3)  # third order: 0.0012
@@ -226,20 +222,24 @@ def test_a_heading_from_grid_north_differs_by_the_convergence():
 
 def test_units_and_rows_are_what_they_say():
     found = named("grid")
-    assert_allclose(angles(found["omega, phi, kappa in gon"].numbers, "grid"), ANGLES * 0.9)
+    assert_allclose(angles(found["omega, phi, kappa in gon"].changed, "grid"), ANGLES * 0.9)
     assert_allclose(
-        angles(found["omega, phi in radians"].numbers, "grid")[:, :2], np.degrees(ANGLES[:, :2])
+        angles(found["omega, phi in radians"].changed, "grid")[:, :2], np.degrees(ANGLES[:, :2])
     )
-    after = found["positions, angles of the next row"].numbers
+    after = found["positions, angles of the next row"].changed
     assert_allclose(angles(after, "grid"), ANGLES[[1, 2, 2]])
     assert_allclose(after["east_m"], [4.1e5, 3e5, 3e5])
-    assert_allclose(found["height in feet"].numbers["height_m"], [304.8, 457.2, 301.752])
+    assert_allclose(found["height in feet"].changed["height_m"], [304.8, 457.2, 301.752])
 
 
 def test_angles_of_a_camera_give_the_body_by_its_boresight():
     R_b_c = Rotation.from_euler("XYZ", [0.5, -1.6, 90.0], degrees=True)
-    (reading,) = of_camera(trajectory("grid"), R_b_c.as_matrix())
-    body = Rotation.from_euler("XYZ", angles(reading.numbers, "grid"), degrees=True)
+    *_, reading = (
+        r
+        for r in of_trajectory(trajectory("grid"), GRID, R_b_c.as_matrix())
+        if r.meaning == "of the camera, not of the body"
+    )
+    body = Rotation.from_euler("XYZ", angles(reading.changed, "grid"), degrees=True)
     camera = Rotation.from_euler("XYZ", ANGLES, degrees=True)
     assert_allclose((body * R_b_c).as_matrix(), camera.as_matrix(), atol=1e-12)
 

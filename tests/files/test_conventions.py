@@ -17,6 +17,7 @@ from acx4files.conventions import (
     RIGHT,
     SHARED,
     Found,
+    Moves,
     best_reading,
     measuring_noise,
     mounted,
@@ -227,35 +228,28 @@ def test_a_delay_is_told_from_a_lever_arm_that_cannot_be(mounted_block):
     speed = 70.0 * mounted_block.trajectory.T_m_b.R[seen.exposures, :, 0]
     late = Pose(R=body(mounted_block, seen).R, r=body(mounted_block, seen).r + 0.5 * speed)
     assert mounted(seen, late).misfit > 0.005  # of 35 m in 600 m to 1000 m; the boresight helps
-    found = mounted(seen, late, speed)
-    assert_allclose(found.delay_s, -0.5, atol=0.01)
+    found = mounted(seen, late, Moves("r", speed[:, :, None], str, (1.0,), sigma=10.0))
+    assert_allclose(found.sizes, [-0.5], atol=0.01)
     assert found.misfit < 1e-4
 
 
 def test_derivatives_agree_with_differences(mounted_block):
     seen = sightings(mounted_block)
-    velocity = np.random.default_rng(1).normal(size=(len(seen.exposures), 3))
-    state = replace(conventions.started(seen, body(mounted_block, seen)), delay_s=0.1)
-    v, A, B = conventions._linear(seen, body(mounted_block, seen), state, velocity)
+    T_m_b = body(mounted_block, seen)
+    velocity = np.random.default_rng(1).normal(size=(len(seen.exposures), 3, 1))
+    moves = Moves("r", velocity, str, (1.0,))
+    state = replace(conventions.started(seen, T_m_b), sizes=np.array([0.1]))
+    v, A, B = conventions._linear(seen, T_m_b, state, moves)
     steps = np.array([*[1e-6] * 3, *[1e-3] * 6, 1e-9, 1e-12, 1e-15, 1e-8, 1e-8, 1e-4])
-    for column, h in enumerate(steps):
-        dx = np.zeros(len(steps))
-        dx[column] = h
+    for column, dx in enumerate(np.diag(steps)):
         there, back = (
-            conventions._linear(
-                seen,
-                body(mounted_block, seen),
-                conventions._moved(state, s * dx, state.x_m),
-                velocity,
-            )[0]
+            conventions._linear(seen, T_m_b, conventions._moved(state, s * dx, state.x_m), moves)[0]
             for s in (1, -1)
         )
-        numeric = (there - back) / (2 * h)
+        numeric = (there - back) / (2 * steps[column])
         assert_allclose(A[:, :, column], numeric, atol=1e-5 * np.abs(numeric).max())
     shifted = replace(state, x_m=state.x_m + np.array([0.0, 0.0, 1e-3]))
-    numeric = (
-        conventions._linear(seen, body(mounted_block, seen), shifted, velocity)[0] - v
-    ) / 1e-3
+    numeric = (conventions._linear(seen, T_m_b, shifted, moves)[0] - v) / 1e-3
     assert_allclose(B[:, :, 2], numeric, atol=1e-5 * np.abs(numeric).max())
 
 

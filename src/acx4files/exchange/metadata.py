@@ -6,7 +6,7 @@ import datetime as dt
 import io
 import re
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from acx4files.exchange import lens, safe
 from acx4files.exchange.flight_folder import number_of
-from acx4files.exchange.lens import FLIP, Left, Pinhole, Wrong
-from acx4files.exchange.safe import Element, Opened, xml_tree
+from acx4files.exchange.lens import FLIP, Left, Pinhole
+from acx4files.exchange.safe import Opened, xml_tree
 from acx4files.flight.problems import quoted
 from acx4files.images import image_files
 from acx4files.images import tiff as tiff_files
@@ -34,7 +34,7 @@ READ = frozenset(
         *("FocalPlaneXResolution", "FocalPlaneResolutionUnit"),
         *("GPSLatitude", "GPSLongitude", "GPSAltitude"),
         *("GPSLatitudeRef", "GPSLongitudeRef", "GPSAltitudeRef"),
-        *("GPSTimeStamp", "PixelXDimension", "PixelYDimension"),
+        *("PixelXDimension", "PixelYDimension"),
     )
 )
 """Tags that are read: thousands of pictures have others as large as 60 kB each."""
@@ -72,6 +72,11 @@ class Tags:
     xmp: Properties
     sha256: str
 
+    @property
+    def kind(self) -> tuple[int, int, int, int]:
+        """Width, height, samples and bits."""
+        return self.width_px, self.height_px, self.samples, self.bits
+
     def text(self, *names: str) -> str:
         """Return the first present of some XMP properties or EXIF tags, else an empty text."""
         for name in names:
@@ -93,7 +98,7 @@ class Tags:
         try:
             values = tuple(_fraction(part) for part in parts)
         except (ValueError, ZeroDivisionError):
-            raise self.wrong(name, quoted(", ".join(parts)), "must be numbers") from None
+            values = (float("nan"),)
         if not np.all(np.isfinite(values)):
             raise self.wrong(name, quoted(", ".join(parts)), "must be finite numbers")
         if values and n is not None and len(values) != n:
@@ -208,13 +213,8 @@ def _of_jpeg(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], by
         raise ValueError("no frame header")
     if not image_files.is_whole(data):
         raise ValueError("is cut off: its pixels have no end")
-    return size, exif, _cut(packet)
-
-
-def _cut(packet: bytes) -> bytes:
-    """Return an XMP packet up to its end; some writers leave other bytes behind it."""
-    end = packet.find(b"</x:xmpmeta>")
-    return packet[: end + len(b"</x:xmpmeta>")] if end >= 0 else packet
+    end = packet.find(b"</x:xmpmeta>")  # some writers leave other bytes behind it
+    return size, exif, packet[: end + len(b"</x:xmpmeta>")] if end >= 0 else packet
 
 
 # --- XMP, the XML packet of a picture, as properties by the vendor's prefix and their own name
@@ -226,7 +226,6 @@ LISTS = tuple(f"{RDF} {name}" for name in ("Seq", "Bag", "Alt"))
 FAMILIES = {
     "pix4d.com": "Camera",
     "sensefly.com/camera": "Camera",
-    "sensefly.com/sensefly": "senseFly",
     "micasense.com/micasense": "MicaSense",
     "micasense.com/dls": "DLS",
     "dji.com/drone-dji": "drone-dji",
@@ -252,22 +251,15 @@ def properties(packet: bytes, path: Path) -> Properties:
         Where the packet is no XML, or has a document type.
     """
     root = xml_tree(Opened(file=f"{path} (XMP)", data=packet.strip(b"\0 \t\r\n")))
-    return dict(_properties(root))
-
-
-def _properties(root: Element) -> Iterator[tuple[str, tuple[str, ...]]]:
+    found: dict[str, tuple[str, ...]] = {}
     for description in root.everywhere(f"{RDF} Description"):
         for name, value in description.attributes.items():
-            if known := _known(name):
-                yield known, (value.strip(),)
+            found[_known(name)] = (value.strip(),)
         for child in description.below:
-            if known := _known(child.tag):
-                yield known, _values(child)
-
-
-def _values(element: Element) -> tuple[str, ...]:
-    items = [item for child in element.below if child.tag in LISTS for item in child.below]
-    return tuple(item.text for item in items or [element])
+            items = [item for below in child.below if below.tag in LISTS for item in below.below]
+            found[_known(child.tag)] = tuple(item.text for item in items or [child])
+    found.pop("", None)
+    return found
 
 
 def _known(tag: str) -> str:
@@ -285,7 +277,6 @@ GIMBAL = tuple(f"drone-dji:Gimbal{name}Degree" for name in ("Roll", "Pitch", "Ya
 CAMERA = tuple(f"Camera:{name}" for name in ("Roll", "Pitch", "Yaw"))
 LIGHT = tuple(f"DLS:{name}" for name in ("Roll", "Pitch", "Yaw"))
 FLIGHT_YAW = "drone-dji:FlightYawDegree"
-SENSEFLY = ("senseFly:Roll", "senseFly:Pitch", "senseFly:Heading")
 ABOVE_TAKE_OFF = "drone-dji:RelativeAltitude"
 RTK = tuple(f"drone-dji:RtkStd{name}" for name in ("Lon", "Lat", "Hgt"))
 ACCURACY = ("Camera:GPSXYAccuracy", "Camera:GPSZAccuracy")
@@ -310,9 +301,7 @@ def key(tags: Tags) -> str:
 
     The name is that of the file, without the number of the head: ``IMG_0688`` of ``IMG_0688_4``.
     """
-    stem = tags.path.stem
-    match = _HEADS_OF_NAME.match(stem)
-    return tags.text(*CAPTURE) or f"{tags.path.parent}/{match[1] if match else stem}"
+    return tags.text(*CAPTURE) or f"{tags.path.parent}/{name_of(tags)}"
 
 
 def name_of(tags: Tags) -> str:
@@ -360,19 +349,7 @@ def place_of(tags: Tags) -> tuple[float, float, float] | None:
     if not (abs(lat) <= 90 and abs(lon) <= 180):
         raise tags.wrong("GPSLatitude, GPSLongitude", f"{lat:g}, {lon:g}", "must be on Earth")
     below = str(tags.exif.get("GPSAltitudeRef", 0)) in ("1", "b'\\x01'", "3")
-    above = ellipsoidal(tags)
-    if above is not None:
-        return lat, lon, above
     return lat, lon, -height if below else height
-
-
-def ellipsoidal(tags: Tags) -> float | None:
-    """Return senseFly's height above the ellipsoid; None where there is none."""
-    for name in tags.xmp:
-        kind = name.lower()
-        if kind.startswith("sensefly:") and "alt" in kind and "wgs84" in kind:
-            return tags.number(name)
-    return None
 
 
 def _angle(tags: Tags, name: str) -> float | None:
@@ -410,7 +387,6 @@ def attitude_of(tags: Tags) -> Attitude | None:
     ways = (
         (GIMBAL, 1.0, 90.0, (0.5, 3.0), "the gimbal's angles; its pitch is -90° straight down"),
         (CAMERA, 1.0, 0.0, (3.0, 5.0), "the angles Camera:Roll, Pitch and Yaw in degrees"),
-        (_of_sensefly(tags), 1.0, 0.0, (3.0, 5.0), "senseFly's roll, pitch and heading in degrees"),
         (LIGHT, np.degrees(1.0), 0.0, (10.0, 10.0), "the light sensor's (DLS) angles in radians"),
     )
     for names, unit, level, (tilt, heading), origin in ways:
@@ -432,13 +408,6 @@ def attitude_of(tags: Tags) -> Attitude | None:
                 said=origin,
             )
     return None
-
-
-def _of_sensefly(tags: Tags) -> tuple[str, ...]:
-    """Return the names of senseFly's angles as a file writes them, whatever their capitals."""
-    by_lower_case = {name.lower(): name for name in tags.xmp}
-    roll, pitch, heading = (by_lower_case.get(name.lower(), name) for name in SENSEFLY)
-    return roll, pitch, by_lower_case.get("sensefly:yaw", heading)
 
 
 def course(places: Sequence[tuple[float, float, float]]) -> list[float]:
@@ -545,21 +514,16 @@ def is_unturned(head: Head) -> bool:
 
 def sentence(heads: Sequence[Head]) -> str:
     """Return a sentence on the assumed rotations of the heads."""
+    if not any(head.relatives_deg for head in heads):
+        return "the heads look in one direction: the metadata have no RigRelatives"
     names = {head.index: head.name for head in heads}
     references = dict.fromkeys(h.reference for h in heads if h.reference is not None)
-    turned = [h for h in heads if h.relatives_deg]
-    if turned and not references:
-        first = in_order(heads)[0]
-        why = "whose own angles are zero" if is_unturned(first) else "the first"
-        return (
-            "RigRelatives a, b, c are degrees; Rx(a) Ry(b) Rz(c) turns a ray of a head into its "
-            f"reference, which no file names: {first.name}, {why}; y down, z ahead"
-        )
-    if not references:
-        return "the heads look in one direction: the metadata have no RigRelatives"
+    first = in_order(heads)[0]
+    why = "whose own angles are zero" if is_unturned(first) else "the first"
+    which = " or ".join(names.get(r, f"head {r}") for r in references)
     text = (
         "RigRelatives a, b, c are degrees; Rx(a) Ry(b) Rz(c) turns a ray of a head into its "
-        f"reference, {' or '.join(names.get(r, f'head {r}') for r in references)}; y down, z ahead"
+        f"reference, {which or f'which no file names: {first.name}, {why}'}; y down, z ahead"
     )
     if len(references) > 1:
         text += "; no angles join the rigs, whose references look in one direction at first"
@@ -703,14 +667,43 @@ def lens_of(tags: Tags, name: str, *, known_pixel_mm: float | None = None) -> Le
         known = {"FocalPlaneXResolution": 1 / known_pixel_mm, "FocalPlaneResolutionUnit": 4}
         tags = replace(tags, exif={**tags.exif, **known})
     if model == "fisheye":
-        return _fisheye(tags, name)
-    ways = {DEWARP: _dewarped, FOCAL: _calibrated, DESIGNED: _designed}
-    stated = [element for element in ways if element in tags.xmp]
-    if {FOCAL, DESIGNED} <= set(stated) and _pixel_mm(tags) is None:
-        stated.remove(FOCAL)  # in mm, of pixels that nothing says
-    if stated:
-        return ways[stated[0]](tags, name)
-    return _nominal(tags, name)
+        pixel, shape, said = _fisheye(tags)
+    else:
+        if DEWARP in tags.xmp:
+            way = _dewarped
+        elif FOCAL in tags.xmp and (DESIGNED not in tags.xmp or _pixel_mm(tags) is not None):
+            way = _calibrated
+        else:  # beside a designed one, FOCAL is in mm, of pixels that nothing says
+            way = _designed if DESIGNED in tags.xmp else _nominal
+        pixel, matrix, distortion, said = way(tags)
+        shape = _opencv(tags, matrix, distortion)
+    try:
+        camera, left = shape.nearest(name, pixel)
+    except (ValueError, ArithmeticError) as error:
+        raise tags.wrong("lens", str(error), "must be one of a camera") from None
+    numbers = {key: float(f"{value:.12g}") for key, value in vars(camera.interior).items()}
+    interior = replace(camera.interior, **numbers)  # digits that mean something
+    return Lens(camera=camera.with_interior(interior), said=said, fitted=left)
+
+
+def _opencv(tags: Tags, matrix: tuple[float, ...], distortion: Sequence[float]) -> lens.Lens:
+    """Return a camera of OpenCV, whose terms all vendors have."""
+    fx, fy, cx, cy = matrix
+    try:
+        hole = Pinhole(fx=fx, fy=fy, cx=cx, cy=cy)
+    except ValueError as error:
+        raise tags.wrong("lens", str(error), "must be one of a camera") from None
+    return lens.Lens(
+        width_px=tags.width_px,
+        height_px=tags.height_px,
+        hole=hole,
+        distortion=lens.OPENCV.distortion(distortion),
+        wrong=lambda fault, expected: tags.wrong("lens", fault, expected),
+    )
+
+
+Stated = tuple[float, tuple[float, ...], Sequence[float], str]
+"""Size of a pixel, mm; fx, fy, cx, cy, px; k1, k2, p1, p2, k3; where they are from."""
 
 
 def _pixel_mm(tags: Tags) -> float | None:
@@ -727,57 +720,47 @@ def _pixel_mm(tags: Tags) -> float | None:
     return float(f"{size:.6g}")
 
 
-def focal_px(tags: Tags, pixel: float) -> float:
-    """Return the focal length of `FOCAL` in pixels; older firmware has pixels there, newer mm.
+def _calibrated(tags: Tags) -> Stated:
+    """Return the camera that MicaSense and Parrot write, after the specification of Pix4D.
 
-    Raises
-    ------
-    FlightError
-        Where `UNITS` contradicts the size of the number.
+    Older firmware has pixels in `FOCAL`, newer mm.
     """
-    value, unit = tags.numbers(FOCAL, 1)[0], tags.text(UNITS).lower()
+    pixel = _pixel_needed(tags)
+    value, stated = tags.numbers(FOCAL, 1)[0], tags.text(UNITS).lower()
     is_px = value > PX_OF_WIDTH * tags.width_px
-    if unit and (unit == "mm") == is_px:
-        raise tags.wrong(FOCAL, f"{value:g} {unit}", "cannot be the focal length in this unit")
+    if stated and (stated == "mm") == is_px:
+        raise tags.wrong(FOCAL, f"{value:g} {stated}", "cannot be the focal length in this unit")
     if value <= 0:
         raise tags.wrong(FOCAL, f"{value:g}", "must be positive")
-    return value if is_px else value / pixel
-
-
-def _calibrated(tags: Tags, name: str) -> Lens:
-    """Return the camera that MicaSense and Parrot write, after the specification of Pix4D."""
-    pixel = _pixel_needed(tags)
-    f = focal_px(tags, pixel)
-    centre = np.array(tags.numbers(POINT, 2) or np.array(_middle(tags)) * pixel) / pixel
+    f = value if is_px else value / pixel
+    cx, cy = np.array(tags.numbers(POINT, 2) or np.array(_middle(tags)) * pixel) / pixel
     k1, k2, k3, p1, p2 = tags.numbers(DISTORTION, 5) or (0.0,) * 5
-    unit = "px" if tags.numbers(FOCAL)[0] > PX_OF_WIDTH * tags.width_px else "mm"
+    unit = "px" if is_px else "mm"
     origin = f"focal length in {unit}, principal point and distortion from XMP, {FOCAL}"
-    return _made(tags, name, pixel, (f, f, *centre), (k1, k2, p1, p2, k3), said=origin)
+    return pixel, (f, f, cx, cy), (k1, k2, p1, p2, k3), origin
 
 
-def _fisheye(tags: Tags, name: str) -> Lens:
-    """Return the camera nearest to a fisheye lens that Parrot writes."""
+def _fisheye(tags: Tags) -> tuple[float, lens.Lens, str]:
+    """Return the size of a pixel and the fisheye lens that Parrot writes."""
     pixel, values = _pixel_needed(tags), {}
     for element, n in ((POLYNOMIAL, None), (MATRIX, 4), (POINT, 2)):
         values[element] = tags.numbers(element, n)
         if not values[element]:
             raise tags.wrong(element, "missing", "a fisheye lens needs it")
-    p, (c, d, e, f) = values[POLYNOMIAL], values[MATRIX]
+    p, (c, d, e, f), (col, row) = (values[element] for element in (POLYNOMIAL, MATRIX, POINT))
     if len(p) < 2 or p[0] != 0 or p[1] <= 0:
         raise tags.wrong(POLYNOMIAL, quoted(list(p)), "must be 0, a positive number, and others")
     if c <= 0 or f <= 0 or c * f - d * e <= 0:
         expected = "must be C, D, E, F with positive C and F"
         raise tags.wrong(MATRIX, quoted([c, d, e, f]), expected)
-    col, row = values[POINT]
-    size = (tags.width_px, tags.height_px)
-    centre = (col / pixel, row / pixel)
-    model = lens.fisheye(p, (c, d, e, f), centre, size=size, wrong=_wrong(tags))
-    origin = f"fisheye lens from XMP, {POLYNOMIAL} and {MATRIX}"
-    return _nearest(model, tags, name, pixel, said=origin)
-
-
-def _wrong(tags: Tags) -> Wrong:
-    return lambda fault, expected: tags.wrong("lens", fault, expected)
+    shape = lens.fisheye(
+        p,
+        (c, d, e, f),
+        (col / pixel, row / pixel),
+        size=(tags.width_px, tags.height_px),
+        wrong=lambda fault, expected: tags.wrong("lens", fault, expected),
+    )
+    return pixel, shape, f"fisheye lens from XMP, {POLYNOMIAL} and {MATRIX}"
 
 
 def _pixel_needed(tags: Tags) -> float:
@@ -787,7 +770,7 @@ def _pixel_needed(tags: Tags) -> float:
     return pixel
 
 
-def _dewarped(tags: Tags, name: str) -> Lens:
+def _dewarped(tags: Tags) -> Stated:
     """Return the calibrated camera of DJI: fx, fy, cx, cy from the middle, k1, k2, p1, p2, k3."""
     text = tags.text(DEWARP).split(";")[-1]
     try:
@@ -797,37 +780,26 @@ def _dewarped(tags: Tags, name: str) -> Lens:
     if len(numbers) != 9:
         raise tags.wrong(DEWARP, f"{len(numbers)} numbers", "must be 9")
     fx, fy, cx, cy, *distortion = numbers
-    middle = _middle(tags)
+    col, row = _middle(tags)
     if tags.text("drone-dji:DewarpFlag") == "1":
         distortion = [0.0] * 5
-    origin = f"calibration from XMP, {DEWARP}"
-    return _made(
-        tags,
-        name,
-        _any_pixel(tags),
-        (fx, fy, middle[0] + cx, middle[1] + cy),
-        distortion,
-        said=origin,
-    )
+    matrix = (fx, fy, col + cx, row + cy)
+    return _any_pixel(tags), matrix, distortion, f"calibration from XMP, {DEWARP}"
 
 
-def _designed(tags: Tags, name: str) -> Lens:
+def _designed(tags: Tags) -> Stated:
     f = tags.numbers(DESIGNED, 1)[0]
     centre = [tags.number(key) for key in CENTRE]
     cx, cy = (m if c is None else c - 0.5 for c, m in zip(centre, _middle(tags), strict=True))
     origin = f"designed focal length from XMP, {DESIGNED}, no distortion"
-    return _made(tags, name, _any_pixel(tags), (f, f, cx, cy), (0.0,) * 5, said=origin)
+    return _any_pixel(tags), (f, f, cx, cy), (0.0,) * 5, origin
 
 
-def _nominal(tags: Tags, name: str) -> Lens:
-    f_mm, film, pixel = (
-        tags.number("FocalLength"),
-        tags.number("FocalLengthIn35mmFilm"),
-        _pixel_mm(tags),
-    )
+def _nominal(tags: Tags) -> Stated:
+    f_mm, pixel = tags.number("FocalLength"), _pixel_mm(tags)
     if f_mm and pixel:
         f, origin = f_mm / pixel, "focal length and pixel size from EXIF, no distortion"
-    elif film:
+    elif film := tags.number("FocalLengthIn35mmFilm"):
         f = film / WIDTH_35_MM * tags.width_px
         origin = "focal length of 35 mm film from EXIF, no distortion: approximate by some per cent"
     else:
@@ -836,7 +808,7 @@ def _nominal(tags: Tags, name: str) -> Lens:
             "--pixel-um, is needed"
         )
         raise tags.wrong("FocalPlaneXResolution, FocalLengthIn35mmFilm", "missing", expected)
-    return _made(tags, name, _any_pixel(tags, f), (f, f, *_middle(tags)), (0.0,) * 5, said=origin)
+    return _any_pixel(tags, f), (f, f, *_middle(tags)), (0.0,) * 5, origin
 
 
 def _any_pixel(tags: Tags, f_px: float | None = None) -> float:
@@ -848,38 +820,3 @@ def _any_pixel(tags: Tags, f_px: float | None = None) -> float:
 
 def _middle(tags: Tags) -> tuple[float, float]:
     return (tags.width_px - 1) / 2, (tags.height_px - 1) / 2
-
-
-def _made(
-    tags: Tags,
-    name: str,
-    pixel: float,
-    matrix: tuple[float, ...],
-    distortion: Sequence[float],
-    *,
-    said: str,
-) -> Lens:
-    """Return the camera nearest to an OpenCV camera, whose terms all vendors have."""
-    fx, fy, cx, cy = matrix
-    try:
-        model = lens.Lens(
-            width_px=tags.width_px,
-            height_px=tags.height_px,
-            hole=Pinhole(fx=fx, fy=fy, cx=cx, cy=cy),
-            distortion=lens.OPENCV.distortion(distortion),
-            wrong=_wrong(tags),
-        )
-    except ValueError as error:
-        raise tags.wrong("lens", str(error), "must be one of a camera") from None
-    return _nearest(model, tags, name, pixel, said=said)
-
-
-def _nearest(model: lens.Lens, tags: Tags, name: str, pixel: float, *, said: str) -> Lens:
-    """Return the camera nearest to a lens, with digits that mean something."""
-    try:
-        camera, left = model.nearest(name, pixel)
-    except (ValueError, ArithmeticError) as error:
-        raise tags.wrong("lens", str(error), "must be one of a camera") from None
-    numbers = {key: float(f"{value:.12g}") for key, value in vars(camera.interior).items()}
-    interior = replace(camera.interior, **numbers)
-    return Lens(camera=camera.with_interior(interior), said=said, fitted=left)

@@ -15,16 +15,18 @@ import re
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from functools import partial
+from pathlib import Path, PurePosixPath
 from typing import Any
 from xml.parsers import expat
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acx4files.flight.problems import Problem, Range, did_you_mean, quoted
+from acx4files.flight.problems import Problem, Range, quoted
 from acx4files.flight.tables import numbers_of
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
@@ -122,6 +124,29 @@ def read(path: Path) -> Opened:
     return Opened(file=str(path), data=data)
 
 
+def inside(folder: Path, name: str, wrong: Callable[[str, str], FlightError]) -> Path:
+    """Return the path of a file that another one names; it must lie below a folder.
+
+    Raises
+    ------
+    FlightError
+        By `wrong`, from what is wrong and what is expected, for any other path.
+    """
+    parts = PurePosixPath(name.replace("\\", "/"))
+    if parts.is_absolute() or ".." in parts.parts or ":" in name or "\0" in name:
+        raise wrong(quoted(name), "must lie below the project's folder")
+    return folder / parts
+
+
+@contextmanager
+def told(wrong: Callable[[str, str], FlightError], expected: str) -> Iterator[None]:
+    """Make what a library says of a value, a ValueError, the error of a place in a file."""
+    try:
+        yield
+    except ValueError as error:
+        raise wrong(" ".join(str(error).split()), expected) from None
+
+
 def checksums(sources: Iterable[Opened]) -> dict[str, str]:
     """Return the checksums of files by their names without folders."""
     return {source.name: source.sha256 for source in sources}
@@ -159,6 +184,22 @@ def member(source: Opened, name: str) -> Opened:
         fault = f"is no ZIP archive that can be read ({reason})"
         raise source.wrong("archive", fault, "must be a whole ZIP archive") from None
     return Opened(file=f"{source.file}/{name}", data=data)
+
+
+def _number(text: str, allowed: Range | None, wrong: Callable[[str, str], FlightError]) -> float:
+    """Return a finite number, inside a range if one is given."""
+    value = float(numbers_of([text])[0])
+    if not math.isfinite(value):
+        raise wrong(quoted(text), "must be a finite number, decimal point")
+    if allowed is not None and value not in allowed:
+        raise wrong(quoted(text), str(allowed))
+    return value
+
+
+def _whole(text: str, wrong: Callable[[str, str], FlightError]) -> int:
+    if not re.fullmatch(r"\s*[+-]?\d{1,18}\s*", text, re.ASCII):
+        raise wrong(quoted(text), "must be a whole number")
+    return int(text)
 
 
 # --- Text, cut into cells
@@ -202,20 +243,11 @@ class Line:
 
     def number_at(self, k: int, element: str, allowed: Range | None = None) -> float:
         """Return a cell as a finite number, inside a range if one is given."""
-        cell = self.cell(k, element)
-        value = float(numbers_of([cell])[0])
-        if not abs(value) < float("inf"):
-            raise self.wrong(element, quoted(cell), "must be a finite number, decimal point")
-        if allowed is not None and value not in allowed:
-            raise self.wrong(element, quoted(cell), str(allowed))
-        return value
+        return _number(self.cell(k, element), allowed, partial(self.wrong, element))
 
     def whole_at(self, k: int, element: str) -> int:
         """Return a cell as a whole number."""
-        cell = self.cell(k, element)
-        if not re.fullmatch(r"[+-]?\d{1,18}", cell, re.ASCII):
-            raise self.wrong(element, quoted(cell), "must be a whole number")
-        return int(cell)
+        return _whole(self.cell(k, element), partial(self.wrong, element))
 
     def numbers(
         self, first: int, last: int | None, element: str, allowed: Range | None = None
@@ -226,9 +258,8 @@ class Line:
         values = numbers_of(self.cells[first:last])
         low, high = (-np.inf, np.inf) if allowed is None else (allowed.low, allowed.high)
         good = (values >= low) & (values <= high) & np.isfinite(values)
-        for k in np.flatnonzero(~good)[:1]:
-            self.number_at(first + int(k), element, allowed)
-            raise self.wrong(element, quoted(self.cells[first + int(k)]), "must be a finite number")
+        if not good.all():
+            self.number_at(first + int(np.argmin(good)), element, allowed)
         return values
 
 
@@ -338,6 +369,7 @@ class Cursor:
 
 
 Key = str | int
+_LARGEST = float(np.finfo(float).max)
 
 # A string without an end goes to that of the file, so that every character is looked at once.
 _STRING = r'"(?:[^"\\]|\\.)*+"?'
@@ -393,9 +425,7 @@ class Node:
         for key in keys:
             below = node.maybe(key)
             if below is None:
-                known = node.value if isinstance(node.value, dict) else {}
-                hint = did_you_mean(str(key), known.keys())
-                raise node.wrong(f"{quoted(key)} is missing{hint}", "required")
+                raise node.wrong(f"{quoted(key)} is missing", "required")
             node = below
         return node
 
@@ -422,7 +452,8 @@ class Node:
     def number(self, allowed: Range | None = None) -> float:
         """Return a value that must be a finite number, inside a range if one is given."""
         value = self.value
-        if isinstance(value, bool) or not isinstance(value, int | float) or not _finite(value):
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not is_number or not abs(value) <= _LARGEST:
             raise self.wrong(quoted(value), "must be a finite number")
         if allowed is not None and value not in allowed:
             raise self.wrong(quoted(value), str(allowed))
@@ -436,18 +467,14 @@ class Node:
     def numbers(self, *shape: int, allowed: Range | None = None) -> Array:
         """Return nested lists of numbers, as in `number`, as an array; a length of -1 is any."""
         values: list[Node] = [self]
-        sizes = []
         for n in shape:
-            values = [below for node in values for below in node._list(n)]
-            sizes.append(n)
+            for node in values:
+                if not isinstance(node.value, list) or (n >= 0 and len(node.value) != n):
+                    kind = "numbers" if n < 0 else f"{n} values"
+                    raise node.wrong(quoted(node.value), f"must be a list of {kind}")
+            values = [below for node in values for below in node.each()]
         flat = np.array([node.number(allowed) for node in values], dtype=float)
-        return flat.reshape(sizes) if flat.size else flat.reshape([max(n, 0) for n in sizes])
-
-    def _list(self, n: int) -> Iterator[Node]:
-        if not isinstance(self.value, list) or (n >= 0 and len(self.value) != n):
-            kind = "numbers" if n < 0 else f"{n} values"
-            raise self.wrong(quoted(self.value), f"must be a list of {kind}")
-        return self.each()
+        return flat.reshape(shape if flat.size else [max(n, 0) for n in shape])
 
 
 def json_tree(source: Opened) -> Node:
@@ -467,13 +494,6 @@ def json_tree(source: Opened) -> Node:
     except ValueError as error:  # a number of too many digits
         raise source.wrong("file", str(error).split(";")[0], "must be valid JSON") from None
     return Node(source=source, value=value)
-
-
-def _finite(value: float) -> bool:
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # a whole number of any length
-        return False
 
 
 def _line(text: str, keys: tuple[Key, ...]) -> int:
@@ -555,34 +575,25 @@ class Element:
         for tag in tags:
             below = element.maybe(tag)
             if below is None:
-                hint = did_you_mean(tag, {other.tag for other in element.below})
-                raise element.wrong(f"<{tag}> is missing{hint}", "required")
+                raise element.wrong(f"<{tag}> is missing", "required")
             element = below
         return element
 
     def attribute(self, name: str) -> str:
         """Return a required attribute."""
         if name not in self.attributes:
-            hint = did_you_mean(name, self.attributes.keys())
-            raise self.wrong(f"is missing{hint}", "required", attribute=name)
+            raise self.wrong("is missing", "required", attribute=name)
         return self.attributes[name]
 
     def number(self, attribute: str = "", allowed: Range | None = None) -> float:
         """Return the text, or an attribute, as a finite number, inside a range if one is given."""
         text = self.attribute(attribute) if attribute else self.text
-        value = float(numbers_of([text])[0])
-        if not abs(value) < float("inf"):
-            raise self.wrong(quoted(text), "must be a finite number", attribute=attribute)
-        if allowed is not None and value not in allowed:
-            raise self.wrong(quoted(text), str(allowed), attribute=attribute)
-        return value
+        return _number(text, allowed, partial(self.wrong, attribute=attribute))
 
     def whole(self, attribute: str = "") -> int:
         """Return the text, or an attribute, as a whole number."""
         text = self.attribute(attribute) if attribute else self.text
-        if not re.fullmatch(r"\s*[+-]?\d{1,18}\s*", text, re.ASCII):
-            raise self.wrong(quoted(text), "must be a whole number", attribute=attribute)
-        return int(text)
+        return _whole(text, partial(self.wrong, attribute=attribute))
 
     def numbers(self, n: int | None = None) -> Array:
         """Return the text as finite numbers with white space between them, `n` of them."""

@@ -140,7 +140,7 @@ def in_bytes(do):
         (in_xml(lambda r: r.one("b").number(), "<a>\n<b>x</b></a>"), "a:2: b: 'x'; must be a fin"),
         (in_xml(lambda r: r.one("b").numbers(3), "<a><b>1 2</b></a>"), "must be 3 numbers"),
         (in_xml(lambda r: r.whole("id"), "<a id='x'/>"), "a:1: a id: 'x'; must be a whole number"),
-        (in_xml(lambda r: r.attribute("len"), "<a lens='x'/>"), "missing (did you mean 'lens'?)"),
+        (in_xml(lambda r: r.attribute("len"), "<a lens='x'/>"), "a:1: a len: is missing; required"),
         (in_xml(None, BOMB), "a:2: file: <!DOCTYPE> may name entities"),
         (in_xml(None, OUTSIDE), "a:1: file: <!DOCTYPE> may name entities"),
         (in_xml(None, "<a>&b;</a>"), "a:1: file: undefined entity; must be valid XML"),

@@ -17,7 +17,6 @@ SPACES = {
     "MicaSense": "http://micasense.com/MicaSense/1.0/",
     "DLS": "http://micasense.com/DLS/1.0/",
     "drone-dji": "http://www.dji.com/drone-dji/1.0/",
-    "senseFly": "http://ns.sensefly.com/sensefly/1.0/",
 }
 
 

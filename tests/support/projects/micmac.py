@@ -53,7 +53,7 @@ MMVII_CENTRE = (10.0, 20.0, 100.0)
 MMVII_CALIBRATION = """<?xml version="1.0" encoding="UTF-8" standalone="yes" ?>
 <Root><Type>"MMVII_Serialization"</Type><Version>"0.0.0"</Version><Data><InternalCalibration>
 <Name>"Calib-PerspCentral-C"</Name><PixelFrame><NbPix>1000 800</NbPix></PixelFrame>
-<Projection>"{projection}"</Projection>
+<Projection>"Stenope"</Projection>
 <Auxiliary><Degree>3 1 1</Degree><IsFraserMode>1</IsFraserMode></Auxiliary>
 <PerfectProj><F>1000</F><PP>510 390</PP></PerfectProj>
 <Distorsion>
@@ -66,19 +66,11 @@ MMVII_POSE = """<Root><Data><CameraPose>
 <Center>10 20 100</Center>
 <RotMatrix><AxeI>1 0 0</AxeI><AxeJ>0 -1 0</AxeJ><AxeK>0 0 -1</AxeK></RotMatrix>
 </CameraPose></Data></Root>"""
-MMVII_DISTANCES = {
-    "Stenope": np.tan,
-    "FE_EquiDist": lambda a: a,
-    "FE_EquiSolid": lambda a: 2 * np.sin(a / 2),
-    "StereroGraphik": lambda a: 2 * np.tan(a / 2),
-}
 
 
-def mmvii_seen(ideal, projection="Stenope"):
+def mmvii_seen(ideal):
     """Return pixels of ideal points x/z, y/z by the formulas of the source."""
-    r = np.hypot(*ideal.T)
-    far = np.maximum(r, 1e-12)
-    x, y = (ideal * (MMVII_DISTANCES[projection](np.arctan(far)) / far)[:, None]).T
+    x, y = ideal.T
     r2 = x * x + y * y
     radial = MMVII_K[0] * r2 + MMVII_K[1] * r2**2 + MMVII_K[2] * r2**3
     dx = (
@@ -97,7 +89,7 @@ def _mmvii_of_points():
     return mmvii_seen(at[:, :2] / -at[:, 2:] * [1, -1])
 
 
-def mmvii_files(projection="Stenope"):
+def mmvii_files():
     """Return the texts of a project by their paths."""
     measured = "".join(
         f'<el><Name>"{name}"</Name><Pt>{col!r} {row!r}</Pt><Sigma2>1 0 1</Sigma2></el>'
@@ -110,9 +102,7 @@ def mmvii_files(projection="Stenope"):
     )
     points = "MMVII-PhgrProj/PointsMeasure/S"
     return {
-        "MMVII-PhgrProj/Ori/A/Calib-PerspCentral-C.xml": MMVII_CALIBRATION.format(
-            projection=projection
-        ),
+        "MMVII-PhgrProj/Ori/A/Calib-PerspCentral-C.xml": MMVII_CALIBRATION,
         "MMVII-PhgrProj/Ori/A/Ori-PerspCentral-a.JPG.xml": MMVII_POSE,
         f"{points}/MesIm-a.JPG.xml": "<Root><Data><SetMesIm>"
         f'<NameIm>"a.JPG"</NameIm><Measures>{measured}</Measures></SetMesIm></Data></Root>',
@@ -121,9 +111,9 @@ def mmvii_files(projection="Stenope"):
     }
 
 
-def mmvii_write(folder, projection="Stenope"):
+def mmvii_write(folder):
     """Write a project with one oriented image and three surveyed points in it."""
-    for name, text in mmvii_files(projection).items():
+    for name, text in mmvii_files().items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)

@@ -141,7 +141,7 @@ def write_tracks(folder):
     return folder / "sparse.gltf"
 
 
-def write(folder, *, with_project=True, tracks=False, **wanted):
+def write(folder, *, tracks=False, **wanted):
     """Write a project; its folder is returned."""
     folder.mkdir(parents=True, exist_ok=True)
     resources = []
@@ -150,22 +150,21 @@ def write(folder, *, with_project=True, tracks=False, **wanted):
         text = json.dumps({"format": kind, "version": "1.0", **document}, indent=1)
         (folder / f"{name}.json").write_text(text)
         resources.append({"uri": f"{name}.json", "format": kind})
-    if with_project:
-        project = {
-            "version": "1.0",
-            "format": "application/opf-project+json",
-            "id": "caa7754e-90dc-11ec-b909-0242ac120002",
-            "name": "a block",
-            "description": "",
-            "generator": {"name": "Writer", "version": "2.0"},
-            "items": [{"id": "1", "type": "all", "resources": resources, "sources": []}],
-        }
-        if tracks:
-            path = write_tracks(folder / "points")
-            listed = [{"uri": f"points/{path.name}", "format": "model/gltf+json"}]
-            item = {"id": "2", "type": "calibration", "resources": listed, "sources": []}
-            project["items"].append(item)
-        (folder / "project.opf").write_text(json.dumps(project))
+    project = {
+        "version": "1.0",
+        "format": "application/opf-project+json",
+        "id": "caa7754e-90dc-11ec-b909-0242ac120002",
+        "name": "a block",
+        "description": "",
+        "generator": {"name": "Writer", "version": "2.0"},
+        "items": [{"id": "1", "type": "all", "resources": resources, "sources": []}],
+    }
+    if tracks:
+        path = write_tracks(folder / "points")
+        listed = [{"uri": f"points/{path.name}", "format": "model/gltf+json"}]
+        item = {"id": "2", "type": "calibration", "resources": listed, "sources": []}
+        project["items"].append(item)
+    (folder / "project.opf").write_text(json.dumps(project))
     return folder
 
 

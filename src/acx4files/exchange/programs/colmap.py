@@ -7,13 +7,14 @@ top-left one; poses take the world to the camera's axes, x right, y down, z ahea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from acx4files.exchange import safe
@@ -53,9 +54,6 @@ NAMES = ("cameras", "images", "points3D")
 MAYBE = ("rigs", "frames")
 """Files that models of COLMAP 3.12 and later have as well."""
 
-MAY_BE_EMPTY = ("points3D", *MAYBE)
-"""Files that may be empty: COLMAP's manual makes models of known poses in this way."""
-
 HALF = 0.5
 """The middle of the top-left pixel has the coordinates 0.5, 0.5 in COLMAP."""
 
@@ -74,36 +72,47 @@ ASSUMED = (
 )
 
 
+CAMERA = "CAMERA"
+"""The kind of sensor that is a camera; it has the number 0 in binary files."""
+
+
+Camera = tuple[int, str, float, float, Array, Wrong]
+"""Number, lens model, width, height, parameters."""
+
+Sensor = tuple[str, int, Array | None]
+"""Kind, number, and the rig in its axes where the file has it."""
+
+Rig = tuple[str, int, list[Sensor], Wrong]
+"""Kind and number of the sensor whose axes are the rig's, and other sensors."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Image:
-    """An image: its pose is the world's in the camera's axes, `points` are those of `xy`."""
+    """An image: `pose` is the world's in the camera's axes, `points` are those of `xy`."""
 
     number: int
     name: str
     camera: int
-    pose: Pose
+    pose: Array
     xy: Array
     points: Index
     wrong: Wrong
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Rig:
-    """The camera whose axes are a rig's, and the rig in the others' axes; None if not known."""
-
-    reference: int
-    others: Mapping[int, Pose | None]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class _Model:
-    """The content of the files: lenses, images, points, their places, rigs, image to frame."""
+    """The content of the files.
+
+    `points` are numbers and places. `references` are the cameras whose axes are those of rigs,
+    `in_rigs` the rigs in the other cameras' axes, None if not known; `frames` are those of images.
+    """
 
     sources: tuple[Opened, ...]
     cameras: Mapping[int, Lens]
     images: tuple[_Image, ...]
     points: tuple[Index, Array]
-    rigs: tuple[_Rig, ...]
+    references: set[int]
+    in_rigs: Mapping[int, Pose | None]
     frames: Mapping[int, int]
 
 
@@ -131,15 +140,14 @@ def project(source: Path, *, crs: str | None = None) -> Project:
             source="COLMAP's cameras",
             sources=model.sources,
             lenses=_lenses(model, is_metric=True),
-            assumed=(ASSUMED[0], *((metres,) if model.rigs else ())),
+            assumed=(ASSUMED[0], *((metres,) if model.in_rigs else ())),
         )
     _require(model)
-    T_w_i = stacked([image.pose for image in model.images]).inverse
+    T_w_i = stacked([_pose(image.pose, image.wrong) for image in model.images]).inverse
     T_w_c = Pose(R=T_w_i.R @ FLIP, r=T_w_i.r)
     measured, lost = _measured(model)
     in_grid, placed = _in_grid(folder, crs, T_w_c)
-    unscaled = sum(pose is not None for rig in model.rigs for pose in rig.others.values())
-    unknown = sum(pose is None for rig in model.rigs for pose in rig.others.values())
+    unknown = list(model.in_rigs.values()).count(None)
     return Project(
         source="COLMAP",
         sources=model.sources,
@@ -162,7 +170,7 @@ def project(source: Path, *, crs: str | None = None) -> Project:
             **lost,
             "cameras of rigs without a pose in the rig: their mountings are 0": unknown,
             "lever arms of cameras in rigs: without a CRS the model has no metres": (
-                unscaled if crs is None else 0
+                len(model.in_rigs) - unknown if crs is None else 0
             ),
         },
         assumed=ASSUMED,
@@ -210,32 +218,38 @@ def read(
 def _model(source: Path) -> _Model:
     """Return the model in a folder, or in the folder of a file."""
     folder = source.parent if source.is_file() else source
-    for ending, readers in READERS.items():
-        paths = {name: folder / f"{name}{ending}" for name in (*NAMES, *MAYBE)}
-        if not paths["cameras"].exists():
-            continue
-        has_images = any(paths[name].exists() for name in NAMES[1:])
-        files: dict[str, Opened] = {}
-        for name in ("cameras", *(NAMES[1:] if has_images else ()), *MAYBE):
-            path = paths[name]
-            if name in MAY_BE_EMPTY and path.is_file() and not path.stat().st_size:
-                continue
-            if name not in MAYBE or path.exists():
-                files[name] = safe.read(path)
-        none = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
-        return _Model(
-            sources=tuple(files.values()),
-            points=readers["points3D"](files["points3D"]) if "points3D" in files else none,
-            cameras=readers["cameras"](files["cameras"]),
-            images=tuple(readers["images"](files["images"])) if "images" in files else (),
-            rigs=tuple(readers["rigs"](files["rigs"])) if "rigs" in files else (),
-            frames=readers["frames"](files["frames"]) if "frames" in files else {},
-        )
-    inside = sorted(folder.glob("**/cameras.bin")) + sorted(folder.glob("**/cameras.txt"))
-    hint = f" ({inside[0].parent} has them)" if inside else ""
-    found_none = f"has neither cameras.bin nor cameras.txt{hint}"
-    expected = "must be the folder of a model, often sparse/0"
-    raise refusal(str(source), 1, "folder", found_none, expected)
+    endings = [ending for ending in READERS if (folder / f"cameras{ending}").exists()]
+    if not endings:
+        found_none = "has neither cameras.bin nor cameras.txt"
+        expected = "must be the folder of a model, often sparse/0"
+        raise refusal(str(source), 1, "folder", found_none, expected)
+    paths = {name: folder / f"{name}{endings[0]}" for name in (*NAMES, *MAYBE)}
+    has_images = any(paths[name].exists() for name in NAMES[1:])
+    files: list[Opened] = []
+    rows: dict[str, Iterable[Any]] = dict.fromkeys(paths, ())
+    for name, path in paths.items():
+        is_needed = name == "cameras" or (has_images and name in NAMES)
+        # COLMAP's manual makes models of known poses with an empty file of points
+        is_empty = name in ("points3D", *MAYBE) and path.is_file() and not path.stat().st_size
+        if (is_needed or (name in MAYBE and path.exists())) and not is_empty:
+            files.append(safe.read(path))
+            rows[name] = READERS[endings[0]][name](files[-1])
+    points = list(rows["points3D"])
+    cameras = _cameras(rows["cameras"])
+    images = tuple(rows["images"])
+    references, in_rigs = _rigs(rows["rigs"])
+    return _Model(
+        sources=tuple(files),
+        cameras=cameras,
+        images=images,
+        points=(
+            np.array([number for number, _ in points], dtype=np.int64),
+            np.array([xyz for _, xyz in points], dtype=float).reshape(-1, 3),
+        ),
+        references=references,
+        in_rigs=in_rigs,
+        frames={image: frame for frame, kind, image in rows["frames"] if kind == CAMERA},
+    )
 
 
 def _require(model: _Model) -> None:
@@ -247,6 +261,7 @@ def _require(model: _Model) -> None:
             raise image.wrong(f"{quoted(image.name)}: camera {image.camera}", "must be in cameras")
         if image.name in places:
             raise image.wrong(f"{quoted(image.name)} is there twice", "must be unique")
+        _require_size(image.xy, image.wrong)
         places[image.name] = image
         key = (model.frames.get(image.number, -1), image.camera)
         if key in seen and key[0] >= 0:
@@ -263,29 +278,26 @@ def _named(camera: int) -> str:
 
 def _lenses(model: _Model, *, is_metric: bool) -> dict[str, Lens]:
     """Return cameras with their mountings in rigs; lever arms only where the unit is metres."""
-    mounts: dict[int, Pose] = {}
-    for rig in model.rigs:
-        for number, pose in rig.others.items():
-            if pose is not None:
-                back = pose.inverse
-                r = FLIP @ back.r if is_metric else np.zeros(3)
-                mounts[number] = Pose(R=turned(back.R), r=r)
-    return {
-        _named(i): replace(lens, mount=mounts.get(i, AHEAD)) for i, lens in model.cameras.items()
-    }
+    mounts = dict.fromkeys(model.cameras, AHEAD)
+    for number, pose in model.in_rigs.items():
+        if pose is not None:
+            back = pose.inverse
+            r = FLIP @ back.r if is_metric else np.zeros(3)
+            mounts[number] = Pose(R=turned(back.R), r=r)
+    return {_named(i): replace(lens, mount=mounts[i]) for i, lens in model.cameras.items()}
 
 
 def _exposures(model: _Model) -> list[str]:
     """Return the exposure of each image: the first image of its frame, of the rig's own camera."""
-    references = {rig.reference for rig in model.rigs}
-    leaders: dict[int, _Image] = {}
-    for image in model.images:
-        frame = model.frames.get(image.number)
-        if frame is not None and (frame not in leaders or image.camera in references):
-            leaders[frame] = image
-    frames = [model.frames.get(image.number, -1) for image in model.images]
-    pairs = zip(model.images, frames, strict=True)
-    return [leaders[frame].name if frame in leaders else image.name for image, frame in pairs]
+    leaders: dict[int, str] = {}
+    frames = [model.frames.get(image.number) for image in model.images]
+    for frame, image in zip(frames, model.images, strict=True):
+        if frame is not None and (frame not in leaders or image.camera in model.references):
+            leaders[frame] = image.name
+    return [
+        image.name if frame is None else leaders[frame]
+        for frame, image in zip(frames, model.images, strict=True)
+    ]
 
 
 def _measured(model: _Model) -> tuple[Measured, dict[str, int]]:
@@ -294,23 +306,15 @@ def _measured(model: _Model) -> tuple[Measured, dict[str, int]]:
     image = np.repeat(np.arange(len(model.images)), [len(shot.points) for shot in model.images])
     point = np.concatenate([shot.points for shot in model.images])
     colrow = np.concatenate([shot.xy for shot in model.images]) - HALF
-    order = np.argsort(ids, kind="stable")
-    row_of_point = np.searchsorted(ids, point, sorter=order)
-    row_of_point = (
-        order[np.minimum(row_of_point, len(order) - 1)] if len(order) else np.zeros_like(point)
-    )
-    matched = point != UNMATCHED
-    known = matched & (ids[row_of_point] == point if len(order) else False)
-    first = np.zeros(len(point), dtype=bool)
-    pairs = np.stack([image, point], axis=1)[known]
-    if len(pairs):
-        rows = np.unique(pairs, axis=0, return_index=True)[1]
-        first[np.flatnonzero(known)[rows]] = True
+    row_of = pd.Series(np.arange(len(ids)), index=ids)
+    row = row_of[~row_of.index.duplicated()].reindex(point, fill_value=-1).to_numpy()
+    matched, known = point != UNMATCHED, row >= 0
+    first = known & ~pd.DataFrame({"image": image, "row": row}).duplicated().to_numpy()
     measured = Measured(
         points=tuple(ids.astype(str).tolist()),
         x_w=x_w,
         image_idx=image[first],
-        point_idx=row_of_point[first],
+        point_idx=row[first],
         colrow=colrow[first],
     )
     lost = {
@@ -341,30 +345,56 @@ def _in_grid(folder: Path, crs: str | None, T_w_c: Pose) -> tuple[InGrid, tuple[
     return lambda T: (T.r, T.opk), (sentence,)
 
 
-def _lens(name: str, width: float, height: float, parameters: Array, wrong: Wrong) -> Lens:
-    """Return a camera after checks."""
-    if name not in MODELS:
-        raise wrong(f"lens model {quoted(name)}", f"must be one of {', '.join(MODELS)}")
-    if width not in PIXELS or height not in PIXELS:
-        raise wrong(f"{width} x {height} px", f"width and height {PIXELS}")
-    formula = MODELS[name]
-    if len(parameters) != len(formula.names):
-        expected = f"must be {', '.join(formula.names)}"
-        raise wrong(f"{name} has {len(parameters)} parameters", expected)
-    _require_size(parameters, wrong)
-    values = parameters.tolist()
-    first = formula.names.index("cx")
-    if min(values[:first]) <= 0:
-        raise wrong(f"{name} {values}", "focal lengths must be positive")
-    cx, cy = values[first : first + 2]
-    return Lens(
-        width_px=int(width),
-        height_px=int(height),
-        hole=Pinhole(fx=values[0], fy=values[first - 1], cx=cx - HALF, cy=cy - HALF),
-        distortion=formula.distortion(values),
-        is_fisheye=formula.is_fisheye,
-        wrong=wrong,
-    )
+# what text and binary files have in common
+
+
+def _cameras(rows: Iterable[Camera]) -> dict[int, Lens]:
+    """Return cameras of their number, model, width, height and parameters, after checks."""
+    lenses: dict[int, Lens] = {}
+    for number, name, width, height, parameters, wrong in rows:
+        if number in lenses:
+            raise wrong(f"camera {number} is there twice", "must be unique")
+        if width not in PIXELS or height not in PIXELS:
+            raise wrong(f"{width} x {height} px", f"width and height {PIXELS}")
+        names = _names(name, wrong)
+        if len(parameters) != len(names):
+            expected = f"must be {', '.join(names)}"
+            raise wrong(f"{name} has {len(parameters)} parameters", expected)
+        _require_size(parameters, wrong)
+        values, first = parameters.tolist(), names.index("cx")
+        if min(values[:first]) <= 0:
+            raise wrong(f"{name} {values}", "focal lengths must be positive")
+        cx, cy = values[first : first + 2]
+        lenses[number] = Lens(
+            width_px=int(width),
+            height_px=int(height),
+            hole=Pinhole(fx=values[0], fy=values[first - 1], cx=cx - HALF, cy=cy - HALF),
+            distortion=MODELS[name].distortion(values),
+            is_fisheye=MODELS[name].is_fisheye,
+            wrong=wrong,
+        )
+    return lenses
+
+
+def _names(model: str, wrong: Wrong) -> tuple[str, ...]:
+    """Return the names of the parameters of a lens model."""
+    if model not in MODELS:
+        raise wrong(f"lens model {quoted(model)}", f"must be one of {', '.join(MODELS)}")
+    return MODELS[model].names
+
+
+def _rigs(rows: Iterable[Rig]) -> tuple[set[int], dict[int, Pose | None]]:
+    """Return reference cameras, and rigs in the axes of others, of references and other sensors."""
+    references, in_rigs = set[int](), dict[int, Pose | None]()
+    for kind, reference, others, wrong in rows:
+        for other, number, values in others:
+            pose = None if values is None else _pose(values, wrong)
+            if other == CAMERA:
+                in_rigs[number] = pose
+        if kind != CAMERA:
+            raise wrong(f"reference sensor {quoted(kind)}", "must be CAMERA, in binary files 0")
+        references.add(reference)
+    return references, in_rigs
 
 
 def _require_size(values: Array, wrong: Wrong) -> None:
@@ -396,101 +426,72 @@ def _lines(source: Opened, *, cells: int = -1) -> Iterator[Line]:
             yield Line(file=source.file, number=number, cells=split)
 
 
-def _text_cameras(source: Opened) -> dict[int, Lens]:
-    lenses: dict[int, Lens] = {}
-    for line in _lines(source):
-        if not line.cells:
-            continue
-        number = line.whole_at(0, "CAMERA_ID")
-        if number in lenses:
-            raise line.wrong("CAMERA_ID", f"{number} is there twice", "must be unique")
-        lenses[number] = _lens(
+def _text_cameras(source: Opened) -> Iterator[Camera]:
+    for line in filter(len, _lines(source)):
+        yield (
+            line.whole_at(0, "CAMERA_ID"),
             line.cell(1, "MODEL"),
             line.number_at(2, "WIDTH"),
             line.number_at(3, "HEIGHT"),
             line.numbers(4, None, "PARAMS"),
             partial(line.wrong, "camera"),
         )
-    return lenses
 
 
 def _text_images(source: Opened) -> Iterator[_Image]:
     """Yield images from two lines each; the second, with measurements, may be blank."""
     lines = _lines(source, cells=9)
-    for line in lines:
-        if not line.cells:
-            continue
-        wrong = partial(line.wrong, "image")
-        values = line.numbers(1, 8, "QW, QX, QY, QZ, TX, TY, TZ")
+    for line in filter(len, lines):
         below = next(lines, Line(file=line.file, number=line.number + 1, cells=()))
-        xy, points = _text_measurements(below)
+        whole = Line(
+            file=line.file, number=below.number, cells=tuple(" ".join(below.cells).split())
+        )
+        if len(whole) % 3:
+            raise whole.wrong("POINTS2D", f"{len(whole)} cells", "must be X, Y, POINT3D_ID of each")
+        values = whole.numbers(0, None, "POINTS2D").reshape(-1, 3)
+        if (values[:, 2] != np.round(values[:, 2])).any() or (np.abs(values[:, 2]) > 2**53).any():
+            raise whole.wrong("POINT3D_ID", "is not whole", "must be a whole number, or -1")
         yield _Image(
             number=line.whole_at(0, "IMAGE_ID"),
             name=line.cell(9, "NAME"),
             camera=line.whole_at(8, "CAMERA_ID"),
-            pose=_pose(values, wrong),
-            xy=xy,
-            points=points,
-            wrong=wrong,
+            pose=line.numbers(1, 8, "QW, QX, QY, QZ, TX, TY, TZ"),
+            xy=values[:, :2],
+            points=values[:, 2].astype(np.int64),
+            wrong=partial(line.wrong, "image"),
         )
 
 
-def _text_measurements(line: Line) -> tuple[Array, Index]:
-    whole = Line(file=line.file, number=line.number, cells=tuple(" ".join(line.cells).split()))
-    if len(whole) % 3:
-        raise whole.wrong("POINTS2D", f"{len(whole)} cells", "must be X, Y, POINT3D_ID of each")
-    values = whole.numbers(0, None, "POINTS2D").reshape(-1, 3)
-    if (values[:, 2] != np.round(values[:, 2])).any() or (np.abs(values[:, 2]) > 2**53).any():
-        raise whole.wrong("POINT3D_ID", "is not whole", "must be a whole number, or -1")
-    _require_size(values[:, :2], partial(whole.wrong, "POINTS2D"))
-    return values[:, :2], values[:, 2].astype(np.int64)
+def _text_points(source: Opened) -> Iterator[tuple[int, Array]]:
+    for line in filter(len, _lines(source, cells=4)):
+        xyz = line.numbers(1, 4, "X, Y, Z")
+        _require_size(xyz, partial(line.wrong, "X, Y, Z"))
+        yield line.whole_at(0, "POINT3D_ID"), xyz
 
 
-def _text_points(source: Opened) -> tuple[Index, Array]:
-    ids, xyz = [], []
-    for line in _lines(source, cells=4):
-        if line.cells:
-            ids.append(line.whole_at(0, "POINT3D_ID"))
-            xyz.append(line.numbers(1, 4, "X, Y, Z"))
-            _require_size(xyz[-1], partial(line.wrong, "X, Y, Z"))
-    return np.array(ids, dtype=np.int64), np.array(xyz, dtype=float).reshape(-1, 3)
-
-
-def _text_rigs(source: Opened) -> Iterator[_Rig]:
+def _text_rigs(source: Opened) -> Iterator[Rig]:
     """Yield rigs: number, count, reference sensor, then type, number and pose of each other."""
-    for line in _lines(source):
-        if not line.cells or line.whole_at(1, "NUM_SENSORS") < 1:
+    for line in filter(len, _lines(source)):
+        if line.whole_at(1, "NUM_SENSORS") < 1:
             continue
-        others: dict[int, Pose | None] = {}
-        k = 4
+        others, k = list[Sensor](), 4
         while k < len(line):
-            kind, number = line.cell(k, "SENSOR_TYPE"), line.whole_at(k + 1, "SENSOR_ID")
             has_pose = line.whole_at(k + 2, "HAS_POSE") != 0
-            pose = None
-            if has_pose:
-                wrong = partial(line.wrong, "sensor")
-                pose = _pose(line.numbers(k + 3, k + 10, "pose"), wrong)
-            if kind == "CAMERA":
-                others[number] = pose
+            pose = line.numbers(k + 3, k + 10, "pose") if has_pose else None
+            others.append((line.cell(k, "SENSOR_TYPE"), line.whole_at(k + 1, "SENSOR_ID"), pose))
             k += 10 if has_pose else 3
-        if line.cell(2, "REF_SENSOR_TYPE") != "CAMERA":
-            raise line.wrong("REF_SENSOR_TYPE", quoted(line.cells[2]), "must be CAMERA")
-        yield _Rig(reference=line.whole_at(3, "REF_SENSOR_ID"), others=others)
+        kind, reference = line.cell(2, "REF_SENSOR_TYPE"), line.whole_at(3, "REF_SENSOR_ID")
+        yield kind, reference, others, partial(line.wrong, "rig")
 
 
-def _text_frames(source: Opened) -> dict[int, int]:
-    """Return the frame of each image: number, rig, pose, count; type, sensor, image of each."""
-    frame_of_image: dict[int, int] = {}
-    for line in _lines(source):
-        if not line.cells:
-            continue
+def _text_frames(source: Opened) -> Iterator[tuple[int, str, int]]:
+    """Yield frame, sensor and image; a line has number, rig, pose, count, and such threes."""
+    for line in filter(len, _lines(source)):
         number, count = line.whole_at(0, "FRAME_ID"), line.whole_at(9, "NUM_DATA_IDS")
         if len(line) != 10 + 3 * count:
             raise line.wrong("DATA_IDS", f"{len(line) - 10} cells", f"must be {count} times 3")
         for k in range(10, len(line), 3):
-            if line.cells[k] == "CAMERA":
-                frame_of_image[line.whole_at(k + 2, "DATA_ID")] = number
-    return frame_of_image
+            yield number, line.cells[k], line.whole_at(k + 2, "DATA_ID")
 
 
 # binary
@@ -501,99 +502,81 @@ _MEASUREMENT = np.dtype([("xy", "<f8", 2), ("point", "<i8")])
 _TRACK_ELEMENT = np.dtype("V8")
 """An image and a measurement of it."""
 
-_CAMERA = 0
-"""Type of a sensor that is a camera."""
 
-
-def _entries(source: Opened, element: str, least: int) -> tuple[Cursor, int]:
-    """Return a cursor behind the number of entries, and that number."""
+def _entries(source: Opened) -> tuple[Cursor, range]:
+    """Return a cursor behind the number of entries, and a range of that length."""
     cursor = Cursor(source=source)
     (n,) = cursor.take("<Q", "number of entries")
-    if n * least > cursor.left:
-        count = f"{n} entries in {cursor.left} bytes"
-        raise source.wrong(element, count, f"must have {least} bytes or more each")
-    return cursor, n
+    return cursor, range(n)
 
 
-def _binary_cameras(source: Opened) -> dict[int, Lens]:
-    cursor, n = _entries(source, "camera", 24)
-    names, lenses = list(MODELS), dict[int, Lens]()
-    for k in range(n):
+def _kind(number: int) -> str:
+    return CAMERA if number == 0 else str(number)
+
+
+def _binary_cameras(source: Opened) -> Iterator[Camera]:
+    cursor, entries = _entries(source)
+    models = dict(enumerate(MODELS))
+    for k in entries:
         number, kind, width, height = cursor.take("<IiQQ", f"camera {k + 1}")
         wrong = partial(source.wrong, f"camera {number}")
-        if not 0 <= kind < len(names):
-            known = ", ".join(f"{i} {name}" for i, name in enumerate(names))
-            raise wrong(f"lens model {kind}", f"must be one of {known}")
-        if number in lenses:
-            raise wrong("is there twice", "must be unique")
-        values = cursor.take(f"<{len(MODELS[names[kind]].names)}d", f"camera {number}")
-        lenses[number] = _lens(names[kind], width, height, np.array(values), wrong)
-    return lenses
+        name = models.get(kind, str(kind))
+        values = cursor.take(f"<{len(_names(name, wrong))}d", f"camera {number}")
+        yield number, name, width, height, np.array(values), wrong
 
 
 def _binary_images(source: Opened) -> Iterator[_Image]:
-    cursor, n = _entries(source, "image", 73)
-    for k in range(n):
+    cursor, entries = _entries(source)
+    for k in entries:
         element = f"image {k + 1}"
         number, *values, camera = cursor.take("<I7dI", element)
         name = cursor.text(element)
         (count,) = cursor.take("<Q", element)
         measured = cursor.array(_MEASUREMENT, count, element)
-        wrong = partial(source.wrong, element)
-        _require_size(measured["xy"], wrong)
         yield _Image(
             number=number,
             name=name,
             camera=camera,
-            pose=_pose(np.array(values), wrong),
+            pose=np.array(values),
             xy=np.array(measured["xy"], dtype=float).reshape(-1, 2),
             points=np.array(measured["point"], dtype=np.int64),
-            wrong=wrong,
+            wrong=partial(source.wrong, element),
         )
 
 
-def _binary_points(source: Opened) -> tuple[Index, Array]:
-    cursor, n = _entries(source, "point", 51)
-    ids, xyz = np.empty(n, dtype=np.int64), np.empty((n, 3))
-    for k in range(n):
-        number, *place = cursor.take("<q3d", "point")
-        ids[k], xyz[k] = number, place
-        _, _, _, _, length = cursor.take("<3BdQ", "point")
+def _binary_points(source: Opened) -> Iterator[tuple[int, list[float]]]:
+    cursor, entries = _entries(source)
+    for _ in entries:
+        number, *xyz, _, _, _, _, length = cursor.take("<q3d3BdQ", "point")
         cursor.array(_TRACK_ELEMENT, length, f"track of point {number}")
-    _require_size(xyz, partial(source.wrong, "point"))
-    return ids, xyz
+        if not all(abs(x) <= LARGEST for x in xyz):  # of each point, an array would take long
+            _require_size(np.array(xyz), partial(source.wrong, f"point {number}"))
+        yield number, xyz
 
 
-def _binary_rigs(source: Opened) -> Iterator[_Rig]:
-    cursor, n = _entries(source, "rig", 8)
-    for _ in range(n):
+def _binary_rigs(source: Opened) -> Iterator[Rig]:
+    cursor, entries = _entries(source)
+    for _ in entries:
         number, count = cursor.take("<II", "rig")
-        element = f"rig {number}"
         if count == 0:
             continue
+        element = f"rig {number}"
         kind, reference = cursor.take("<iI", element)
-        others: dict[int, Pose | None] = {}
+        others: list[Sensor] = []
         for _ in range(count - 1):
             other, sensor, has_pose = cursor.take("<iIB", element)
-            wrong = partial(source.wrong, element)
-            pose = _pose(np.array(cursor.take("<7d", element)), wrong) if has_pose else None
-            if other == _CAMERA:
-                others[sensor] = pose
-        if kind != _CAMERA:
-            raise source.wrong(element, f"reference sensor of type {kind}", "must be a camera, 0")
-        yield _Rig(reference=reference, others=others)
+            pose = np.array(cursor.take("<7d", element)) if has_pose else None
+            others.append((_kind(other), sensor, pose))
+        yield _kind(kind), reference, others, partial(source.wrong, element)
 
 
-def _binary_frames(source: Opened) -> dict[int, int]:
-    cursor, n = _entries(source, "frame", 68)
-    frame_of_image: dict[int, int] = {}
-    for _ in range(n):
+def _binary_frames(source: Opened) -> Iterator[tuple[int, str, int]]:
+    cursor, entries = _entries(source)
+    for _ in entries:
         number, *_, count = cursor.take("<II7dI", "frame")
         for _ in range(count):
             kind, _, image = cursor.take("<iIQ", f"frame {number}")
-            if kind == _CAMERA:
-                frame_of_image[image] = number
-    return frame_of_image
+            yield number, _kind(kind), image
 
 
 READERS: dict[str, dict[str, Callable[[Opened], Any]]] = {

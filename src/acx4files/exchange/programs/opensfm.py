@@ -13,12 +13,11 @@ as they were. The files do not say which of the two they are; the measured posit
 from __future__ import annotations
 
 import re
-from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import numpy as np
 
@@ -120,51 +119,44 @@ def project(
     root, others = _reconstruction(files)
     if root is None:
         return _cameras_alone(files)
-    shots = _shots(root, files.tree("rig_assignments.json"))
-    lenses = _lenses(files, root, shots)
-    ties = _ties(files, root, shots, lenses)
-    named = {"image": shots.names, "camera": shots.heads, "exposure": shots.instances}
+    images, models, gps = _images(root)
+    lenses = _lenses(files, root, models)
+    sizes = np.array([(lenses[name].width_px, lenses[name].height_px) for name in images.cameras])
+    ties = _ties(files, root, images, sizes)
+    named = {"image": images.names, "camera": images.cameras, "exposure": images.exposures}
     require_all_names({**named, "point": ties.points}, root.source.wrong)
-    place = _place_of(files, root, shots, crs)
+    place = _place_of(files, root, images.T_w_c.r, gps, crs)
     listed = [file for file in map(files.maybe, CONTROL) if file is not None]
-    marks, control, left_out = Measured(), None, others
-    lost: dict[str, int] = {}
+    marks, control, lost = Measured(), None, dict[str, int]()
     if listed and place is None:
-        sentence = f"{listed[0].name}: the reconstruction has no place on the Earth"
-        left_out = (sentence, *others)
+        others = (f"{listed[0].name}: the reconstruction has no place on the Earth", *others)
     elif listed and place is not None:
-        marks, control, lost = _marks(listed[0], shots, lenses, place)
+        marks, control, lost = _marks(listed[0], images, sizes, place.frame)
         taken = (f"{file.name}: {listed[0].name} is taken" for file in listed[1:])
-        left_out = (*taken, *others)
-        ties = _renamed(ties, {*marks.points, *control.names})
-    T_w_c = Pose(R=shots.T_w_v.R @ FLIP, r=shots.T_w_v.r)
-    placed = place is not None and (control is not None or orientations == "adjusted")
+        others = (*taken, *others)
+        if {*marks.points, *control.names}.intersection(ties.points):
+            ties = replace(ties, points=tuple(f"track {name}" for name in ties.points))
+    proofs = [Proof(whose="the program's own points", measured=ties)]
+    if place is not None:
+        whose, T_m_c = "control points, by the adjusted orientations,", place.in_frame(images.T_w_c)
+        proofs.append(Proof(whose=whose, measured=marks, T_w_c=T_m_c))
+    is_placed = place is not None and (control is not None or orientations == "adjusted")
+    lost["measured positions: without attitudes they are no trajectory"] = int(
+        np.isfinite(gps).all(axis=1).sum()
+    )
     return Project(
         source="OpenSfM",
         sources=files.read.values(),
         lenses=lenses,
-        images=Images(
-            names=shots.names,
-            cameras=shots.heads,
-            exposures=shots.instances,
-            T_w_c=T_w_c,
-        ),
+        images=images,
         measured=joined(marks, ties),
-        proofs=(
-            Proof(whose="the program's own points", measured=ties),
-            *_of_control(marks, T_w_c, place),
-        ),
+        proofs=tuple(proofs),
         control=control,
-        settings=place.settings if place is not None and placed else {},
+        settings=place.settings if place is not None and is_placed else {},
         in_grid=_in_grid(root, place),
-        lost={
-            **lost,
-            "measured positions: without attitudes they are no trajectory": int(
-                np.isfinite(shots.gps).all(axis=1).sum()
-            ),
-        },
-        assumed=(*ASSUMED, *(place.said if place is not None and placed else ())),
-        left_out=left_out,
+        lost=lost,
+        assumed=(*ASSUMED, *(place.said if place is not None and is_placed else ())),
+        left_out=others,
     )
 
 
@@ -217,23 +209,17 @@ def _cameras_alone(files: _Files) -> Project:
     )
 
 
-def _lenses(files: _Files, root: Node, shots: _Shots) -> dict[str, Lens]:
+def _lenses(files: _Files, root: Node, models: dict[str, str]) -> dict[str, Lens]:
     """Return the cameras, or the heads of rigs, with their places in the rig."""
-    models = root.one("cameras")
-    mounts = _rig_mounts(root.maybe("rig_cameras") or files.tree("rig_cameras.json"))
+    mounts = root.maybe("rig_cameras") or files.tree("rig_cameras.json")
     lenses: dict[str, Lens] = {}
-    for head, model in dict(zip(shots.heads, shots.models, strict=True)).items():
-        lens = _lens(models.one(model))
-        lenses[head] = replace(lens, mount=mounts[head]) if head in mounts else lens
+    for head, model in models.items():
+        lens = lenses[head] = _lens(root.one("cameras").one(model))
+        if mounts is not None and (mount := mounts.maybe(head)) is not None:
+            T_r_v = _pose(mount).inverse
+            T_r_h = Pose(R=turned(T_r_v.R), r=T_r_v.r @ FLIP)
+            lenses[head] = replace(lens, mount=T_r_h)
     return lenses
-
-
-def _of_control(marks: Measured, T_w_c: Pose, place: _Place | None) -> tuple[Proof, ...]:
-    """Return the proof by control points, in the flight's mapping frame."""
-    if place is None or not len(marks.colrow):
-        return ()
-    whose = "control points, by the adjusted orientations,"
-    return (Proof(whose=whose, measured=marks, T_w_c=place.in_frame(T_w_c)),)
 
 
 def _in_grid(root: Node, place: _Place | None) -> InGrid:
@@ -244,37 +230,30 @@ def _in_grid(root: Node, place: _Place | None) -> InGrid:
     return lambda T: place.frame.pose_to_grid(place.in_frame(T))
 
 
-def _ties(files: _Files, root: Node, shots: _Shots, lenses: Mapping[str, Lens]) -> Measured:
+def _ties(files: _Files, root: Node, images: Images, sizes: Array) -> Measured:
     """Return the tracks in reconstructed images, with their reconstructed points."""
     known, source = root.maybe("points"), files.maybe(TRACKS)
-    x_w = {} if known is None else _points(known)
     if source is None:
         return Measured()
-    images, names, points = _tracks(source)
-    row_of = {name: row for row, name in enumerate(shots.names)}
-    used = np.array([image in row_of for image in images], dtype=bool)
-    image_idx = np.array([row_of[image] for image in images if image in row_of], dtype=int)
-    tracks, point_idx = first_use([n for n, is_used in zip(names, used, strict=True) if is_used])
-    sizes = [(lenses[head].width_px, lenses[head].height_px) for head in shots.heads]
-    return Measured(
-        points=tuple(tracks),
-        x_w=np.array([x_w.get(track, [np.nan] * 3) for track in tracks]).reshape(-1, 3),
-        image_idx=image_idx,
-        point_idx=point_idx,
-        colrow=_colrow(points[used], np.array(sizes)[image_idx]),
-    )
+    row_of = {name: row for row, name in enumerate(images.names)}
+    seen = []
+    for row in safe.lines(source, separator="\t"):
+        if row.number == 1 and row.cells[0].startswith("OPENSFM_TRACKS"):
+            if row.cells[0] not in VERSIONS:
+                raise row.wrong("version", quoted(row.cells[0]), f"must be {' or '.join(VERSIONS)}")
+            continue
+        point = row.numbers(3, 5, "x, y", NORMALISED)
+        if row.cells[0] in row_of:
+            seen.append((row_of[row.cells[0]], row.cell(1, "track"), point))
+    places = known.items() if known is not None else ()
+    x_w = {name: point.one("coordinates").numbers(3, allowed=METRES) for name, point in places}
+    ties = Measured.of(seen, x_w)
+    return replace(ties, colrow=_colrow(ties.colrow, sizes[ties.image_idx]))
 
 
 def _colrow(points: Array, sizes: Array) -> Array:
-    """Return the library's pixels of normalised points in images of sizes, both (n, 2)."""
-    return points * sizes.max(axis=1, initial=0)[:, None] + (sizes - 1) / 2
-
-
-def _renamed(ties: Measured, taken: set[str]) -> Measured:
-    """Return tie points, with other names where a control point has the name of any."""
-    if not taken.intersection(ties.points):
-        return ties
-    return replace(ties, points=tuple(f"track {name}" for name in ties.points))
+    """Return the library's pixels of normalised points in images of sizes, both (..., 2)."""
+    return np.asarray(points * sizes.max(axis=-1, keepdims=True) + (sizes - 1) / 2)
 
 
 # files
@@ -307,34 +286,22 @@ class _Files:
 def _files_of(source: Path) -> _Files:
     """Return the files at a path: a folder, an ODM project's folder, or one file."""
     if not source.is_dir():
-        kind = CAMERAS[0] if _is_cameras(source) else RECONSTRUCTION
-        return _Files(folder=source.parent, names={kind: source.name} | _none_but(kind))
+        value = safe.json_tree(safe.read(source)).value
+        is_cameras = isinstance(value, dict) and "shots" not in value
+        kind = CAMERAS[0] if is_cameras else RECONSTRUCTION
+        absent = dict.fromkeys((RECONSTRUCTION, TRACKS, *CAMERAS), "\0")
+        return _Files(folder=source.parent, names={**absent, kind: source.name})
     for folder in (source, source / OPENSFM):
-        known = _Files(folder=folder)
         if any((folder / name).exists() for name in (RECONSTRUCTION, TRACKS, *CAMERAS)):
-            return known
+            return _Files(folder=folder)
     wanted = f"must hold {RECONSTRUCTION}, {TRACKS} or {CAMERAS[0]}, as OpenSfM writes them"
     raise safe.refusal(str(source), 1, "folder", "has no file of OpenSfM", wanted)
-
-
-def _is_cameras(source: Path) -> bool:
-    """Tell whether a file holds cameras and no reconstruction."""
-    value = safe.json_tree(safe.read(source)).value
-    return isinstance(value, dict) and "shots" not in value
-
-
-def _none_but(kind: str) -> dict[str, str]:
-    """Return the names of absent files for all kinds but one, whose file was given alone."""
-    others = {RECONSTRUCTION, TRACKS, *CAMERAS} - {kind}
-    return dict.fromkeys(others, "\0")
 
 
 def _reconstruction(files: _Files) -> tuple[Node | None, tuple[str, ...]]:
     """Return the reconstruction with the most shots, and a sentence on the others."""
     tree = files.tree(RECONSTRUCTION)
-    if tree is None:
-        return None, ()
-    if isinstance(tree.value, dict):
+    if tree is None or isinstance(tree.value, dict):
         return tree, ()
     parts = list(tree.each())
     if not parts:
@@ -342,124 +309,59 @@ def _reconstruction(files: _Files) -> tuple[Node | None, tuple[str, ...]]:
     sizes = [len(list(part.one("shots").items())) for part in parts]
     best = int(np.argmax(sizes))
     others = sum(sizes) - sizes[best]
-    remarks = (
-        f"{len(parts) - 1} more reconstructions with {others} shots: each has a frame of its own",
+    remark = (
+        f"{len(parts) - 1} more reconstructions with {others} shots: each has a frame of its own"
     )
-    return parts[best], remarks if len(parts) > 1 else ()
+    return parts[best], (remark,) if len(parts) > 1 else ()
 
 
-# shots, rigs, points, tracks
+# shots and cameras
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Shots:
-    """The shots of a reconstruction, one for each image.
+def _images(root: Node) -> tuple[Images, dict[str, str], Array]:
+    """Return the shots, the camera model of every head, and measured positions.
 
-    `instances` and `heads` are the rig instance that took an image, and as which of its cameras;
-    its own name and model where there is no rig. `T_w_v` has y down, z ahead; `gps` are measured
-    positions in the same frame, m, NaN where none is.
+    An image's exposure and camera are those of its rig, or its own name and model where there is
+    no rig. Measured positions, shape (n, 3), m, are in the frame of the orientations; NaN where
+    there is none, for which OpenSfM writes a dilution of 999999.
     """
-
-    names: tuple[str, ...]
-    models: tuple[str, ...]
-    instances: tuple[str, ...]
-    heads: tuple[str, ...]
-    T_w_v: Pose
-    gps: Array
-
-
-def _shots(root: Node, rigs: Node | None) -> _Shots:
-    """Return the shots; `rigs` is rig_assignments.json, for files that say nothing of rigs."""
-    shots = list(root.one("shots").items())
+    shots = dict(root.one("shots").items())
     if not shots:
         raise root.one("shots").wrong("has no shot", "must have one at least")
-    of_rig = dict(_instances(root)) or (dict(_assigned(rigs)) if rigs is not None else {})
-    names = tuple(name for name, _ in shots)
-    models = tuple(shot.one("camera").text() for _, shot in shots)
-    R_v_w = exp(np.array([shot.one("rotation").numbers(3, allowed=TURN) for _, shot in shots]))
-    t = np.array([shot.one("translation").numbers(3, allowed=METRES) for _, shot in shots])
-    alone = zip(names, names, models, strict=True)
-    rows = {name: of_rig.get(name, (instance, model)) for name, instance, model in alone}
-    return _Shots(
-        names=names,
-        models=models,
-        instances=tuple(instance for instance, _ in rows.values()),
-        heads=tuple(head for _, head in rows.values()),
-        T_w_v=Pose(R=R_v_w, r=t).inverse,
-        gps=np.array([_gps(shot) for _, shot in shots]),
-    )
-
-
-def _gps(shot: Node) -> list[float]:
-    """Return a measured position; OpenSfM writes a dilution of 999999 where there was none."""
-    position, dop = shot.maybe("gps_position"), shot.maybe("gps_dop")
-    if position is None or (dop is not None and dop.number() >= 999_999):
-        return [np.nan] * 3
-    return position.numbers(3, allowed=METRES).tolist()
-
-
-def _instances(root: Node) -> Iterator[tuple[str, tuple[str, str]]]:
-    """Yield images with their rig instance and their camera in the rig."""
+    models = {name: shot.one("camera").text() for name, shot in shots.items()}
+    exposures, heads = {name: name for name in shots}, dict(models)
     rigs = root.maybe("rig_instances")
     for instance, rig in rigs.items() if rigs is not None else ():
-        cameras = list(rig.one("rig_camera_ids").items())
-        if len(cameras) > 1:
-            for image, head in cameras:
-                yield image, (instance, head.text())
-
-
-def _assigned(rigs: Node) -> Iterator[tuple[str, tuple[str, str]]]:
-    """Yield the rows of `_instances` from rig_assignments.json: lists of images and cameras."""
-    by_name = isinstance(rigs.value, dict)
-    all_rigs = (
-        list(rigs.items()) if by_name else [(f"rig {k}", v) for k, v in enumerate(rigs.each())]
+        cameras = dict(rig.one("rig_camera_ids").items())
+        for image, head in cameras.items() if len(cameras) > 1 else ():
+            exposures[image], heads[image] = instance, head.text()
+    gps = np.full((len(shots), 3), np.nan)
+    for k, shot in enumerate(shots.values()):
+        position, dop = shot.maybe("gps_position"), shot.maybe("gps_dop")
+        if position is not None and (dop is None or dop.number() < 999_999):
+            gps[k] = position.numbers(3, allowed=METRES)
+    T_w_v = stacked([_pose(shot) for shot in shots.values()]).inverse
+    images = Images(
+        names=tuple(shots),
+        cameras=tuple(heads[name] for name in shots),
+        exposures=tuple(exposures[name] for name in shots),
+        T_w_c=Pose(R=T_w_v.R @ FLIP, r=T_w_v.r),
     )
-    for instance, rig in all_rigs:
-        cameras = [(pair.one(0).text(), pair.one(1).text()) for pair in rig.each()]
-        for image, head in cameras if len(cameras) > 1 else ():
-            yield image, (instance, head)
+    return images, {heads[name]: model for name, model in models.items()}, gps
 
 
-def _rig_mounts(node: Node | None) -> dict[str, Pose]:
-    """Return the mountings of cameras in their rig by their names, the library's axes."""
-    if node is None:
-        return {}
-    poses = {
-        name: Pose(
-            R=exp(mount.one("rotation").numbers(3, allowed=TURN)),
-            r=mount.one("translation").numbers(3, allowed=METRES),
-        ).inverse
-        for name, mount in node.items()
-    }
-    return {name: Pose(R=turned(pose.R), r=pose.r @ FLIP) for name, pose in poses.items()}
-
-
-def _points(node: Node) -> dict[str, list[float]]:
-    """Return the coordinates of object points by their names."""
-    return {
-        name: point.one("coordinates").numbers(3, allowed=METRES).tolist()
-        for name, point in node.items()
-    }
-
-
-def _tracks(source: Opened) -> tuple[list[str], list[str], Array]:
-    """Return images, tracks and normalised points of tracks.csv, shape (n, 2)."""
-    rows = safe.lines(source, separator="\t")
-    images, names, points = [], [], []
-    for row in rows:
-        if row.number == 1 and row.cells[0].startswith("OPENSFM_TRACKS"):
-            if row.cells[0] not in VERSIONS:
-                raise row.wrong("version", quoted(row.cells[0]), f"must be {' or '.join(VERSIONS)}")
-            continue
-        images.append(row.cell(0, "image"))
-        names.append(row.cell(1, "track"))
-        points.append(row.numbers(3, 5, "x, y", NORMALISED))
-    return images, names, np.array(points).reshape(-1, 2)
+def _pose(node: Node) -> Pose:
+    """Return the pose of a shot, or of a camera in its rig: from object, or rig, to camera."""
+    R = exp(node.one("rotation").numbers(3, allowed=TURN))
+    return Pose(R=R, r=node.one("translation").numbers(3, allowed=METRES))
 
 
 def _lens(node: Node) -> Lens:
     """Return a camera of reconstruction.json, camera_models.json or cameras.json."""
-    kind = _kind(node)
+    place = node.maybe("projection_type")
+    kind = "perspective" if place is None else place.text()
+    if kind not in MODELS:
+        raise (place or node).wrong(quoted(kind), f"must be one of {', '.join(MODELS)}")
     width, height = (int(node.one(key).number(RANGES[f"{key}_px"])) for key in ("width", "height"))
     longer, two = max(width, height), kind in ANISOTROPIC
     focal = ("focal_x", "focal_y") if two else ("focal", "focal")
@@ -484,17 +386,6 @@ def _lens(node: Node) -> Lens:
 def _number(node: Node, name: str) -> float:
     child = node.maybe(name)
     return 0.0 if child is None else child.number(COEFFICIENT)
-
-
-def _kind(node: Node) -> str:
-    place = node.maybe("projection_type")
-    kind = "perspective" if place is None else place.text()
-    if kind in MODELS:
-        return kind
-    expected = f"must be one of {', '.join(MODELS)}"
-    if kind in ("spherical", "equirectangular"):
-        expected = "has rays in all directions, and is no camera of a flight"
-    raise (place or node).wrong(quoted(kind), expected)
 
 
 # where it is
@@ -527,10 +418,16 @@ class _Place:
         return self.utm.pose_from_grid(T_w.r + np.append(self.offset, 0.0), T_w.opk)
 
 
-def _place_of(files: _Files, root: Node, shots: _Shots, crs: str | None) -> _Place | None:
-    """Return where a project is; None without measured positions: then it is nowhere."""
+def _place_of(
+    files: _Files, root: Node, centres: Array, gps: Array, crs: str | None
+) -> _Place | None:
+    """Return where a project is; None without measured positions: then it is nowhere.
+
+    Of the axes of UTM and topocentric ones, it has those in which the camera centres fit the
+    measured positions, both (n, 3), better.
+    """
     node = root.maybe("reference_lla") or files.tree("reference_lla.json")
-    if node is None or not np.isfinite(shots.gps).any():
+    if node is None or not np.isfinite(gps).any():
         return None
     lon, lat, altitude = (
         node.one(key).number(allowed)
@@ -555,7 +452,20 @@ def _place_of(files: _Files, root: Node, shots: _Shots, crs: str | None) -> _Pla
             "altitudes are taken as ellipsoidal",
         ),
     )
-    return _in_utm_if_better(place, utm, shots)
+    known = np.isfinite(gps).all(axis=1)
+    xy, gps = centres[known, :2], gps[known]
+    grid = utm.to_grid(gps + np.array([0.0, 0.0, altitude]))[:, :2] - offset
+    size, plain, in_utm = (
+        float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
+        for off in (gps[:, :2] - gps[:, :2].mean(axis=0), xy - gps[:, :2], xy - grid)
+    )
+    if known.sum() < 3 or BETTER * in_utm > plain or in_utm > size:
+        return place
+    sentence = (
+        f"orientations and points have the axes of UTM, as ODM writes them: camera centres are "
+        f"{in_utm:.2g} m rms from the measured positions so, {plain:.2g} m in topocentric axes"
+    )
+    return replace(place, utm=utm, said=(*place.said, sentence))
 
 
 def _zone_and_offset(files: _Files, lon: float, lat: float) -> tuple[str, Array]:
@@ -574,121 +484,63 @@ def _code(zone: int, north: bool) -> str:
     return f"EPSG:{(32600 if north else 32700) + zone}"
 
 
-def _in_utm_if_better(place: _Place, utm: MappingFrame, shots: _Shots) -> _Place:
-    """Return the place in which the camera centres fit the measured positions."""
-    known = np.isfinite(shots.gps).all(axis=1)
-    centres, gps = shots.T_w_v.r[known, :2], shots.gps[known]
-    grid = utm.to_grid(gps + np.array([0.0, 0.0, place.altitude]))[:, :2] - place.offset
-    plain, in_utm = (_rms(centres - positions) for positions in (gps[:, :2], grid))
-    size = _rms(gps[:, :2] - gps[:, :2].mean(axis=0))
-    if known.sum() < 3 or BETTER * in_utm > plain or in_utm > size:
-        return place
-    sentence = (
-        f"orientations and points have the axes of UTM, as ODM writes them: camera centres are "
-        f"{in_utm:.2g} m rms from the measured positions so, {plain:.2g} m in topocentric axes"
-    )
-    return replace(place, utm=utm, said=(*place.said, sentence))
-
-
-def _rms(off: Array) -> float:
-    return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
-
-
 # control points
 
 
+Seen = tuple[str, str, Array]
+"""Image, point and pixel of a measurement."""
+
+
 def _marks(
-    file: Opened, shots: _Shots, lenses: Mapping[str, Lens], place: _Place
+    file: Opened, images: Images, sizes: Array, frame: MappingFrame
 ) -> tuple[Measured, Control, dict[str, int]]:
     """Return measurements of control points, points with an altitude, and counts of lost ones."""
-    size = {
-        name: (lenses[head].width_px, lenses[head].height_px)
-        for name, head in zip(shots.names, shots.heads, strict=True)
-    }
-    if file.name.endswith(".json"):
-        names, lonlath, marks = _of_json(safe.json_tree(file))
+    is_json = file.name.endswith(".json")
+    if is_json:
+        places, marks = _of_json(safe.json_tree(file), frame.grid)
     else:
-        names, lonlath, marks = _of_list(file, size, place.frame.grid)
-    row_of = {name: row for row, name in enumerate(shots.names)}
-    used = [mark for mark in marks if mark[0] in row_of]
-    sizes = np.array([size[image] for image, _, _ in used], dtype=float).reshape(-1, 2)
-    colrow = _colrow(np.array([xy for _, _, xy in used]).reshape(-1, 2), sizes)
-    rows = [
-        (row_of[image], name, pixel) for (image, name, _), pixel in zip(used, colrow, strict=True)
-    ]
-    places = dict(zip(names, place.frame.from_geographic(lonlath), strict=True))
-    measured = Measured.of(rows, places)
-    has_height = np.isfinite(lonlath[:, 2])
-    enh = np.column_stack(
-        [place.frame.grid.grid_from_lonlat(lonlath[has_height, :2]), lonlath[has_height, 2]]
-    )
-    control = Control(
-        names=tuple(n for n, has in zip(names, has_height, strict=True) if has), enh=enh
-    )
+        listed = _list(file, frame.grid.crs)
+        places, marks = listed.places, listed.seen
+    row_of = {name: row for row, name in enumerate(images.names)}
+    used = [(row_of[image], name, at) for image, name, at in marks if image in row_of]
+    enh = np.array([*places.values()]).reshape(-1, 3)
+    measured = Measured.of(used, dict(zip(places, frame.from_grid(enh), strict=True)))
+    if is_json:
+        colrow = _colrow(measured.colrow, sizes[measured.image_idx])
+        measured = replace(measured, colrow=colrow)
+    control, flat = _with_heights(places)
     lost = {
-        "control points without an altitude": int((~has_height).sum()),
+        "control points without an altitude": len(flat),
         "measurements of control points in images that were not oriented": len(marks) - len(used),
     }
     return measured, control, lost
 
 
-Seen = tuple[str, str, list[float]]
-"""Image, point and normalised pixel of a measurement."""
+def _with_heights(places: dict[str, Array]) -> tuple[Control, list[str]]:
+    """Return points whose height is known as control points, and the names of the others."""
+    high = {name: enh for name, enh in places.items() if np.isfinite(enh[2])}
+    enh = np.array([*high.values()]).reshape(-1, 3)
+    return Control(names=tuple(high), enh=enh), [name for name in places if name not in high]
 
 
-def _of_json(node: Node) -> tuple[list[str], Array, list[Seen]]:
-    """Return the names of points with a position, longitude, latitude, altitude, measurements."""
-    names: list[str] = []
-    places: list[list[float]] = []
-    measured: list[Seen] = []
+def _of_json(node: Node, grid: GridSystem) -> tuple[dict[str, Array], list[Seen]]:
+    """Return points with a position, m, and measurements, normalised; heights may be NaN."""
+    places: dict[str, Array] = {}
+    marks: list[Seen] = []
     for point in node.one("points").each():
         name = point.one("id").text()
         if (place := point.maybe("position")) is not None:
-            names.append(name)
-            places.append(_lonlath(place))
+            lonlat = np.array(
+                [place.one("longitude").number(LON), place.one("latitude").number(LAT)]
+            )
+            height = place.maybe("altitude")
+            h = np.nan if height is None else height.number(HEIGHT)
+            places[name] = np.append(grid.grid_from_lonlat(lonlat[None])[0], h)
         for observation in point.one("observations").each():
-            projection = observation.maybe("projection")
-            if projection is not None:
-                image = observation.one("shot_id").text()
-                measured.append(
-                    (image, name, [projection.one(k).number(NORMALISED) for k in (0, 1)])
-                )
-    return names, np.array(places).reshape(-1, 3), measured
-
-
-def _of_list(
-    file: Opened, size: Mapping[str, tuple[int, int]], grid: GridSystem
-) -> tuple[list[str], Array, list[Seen]]:
-    """Return what `_of_json` does, from ODM's list, whose coordinates are the flight's grid's."""
-    listed = _list(file, grid.crs)
-    ellipsoidal = GridSystem(crs=grid.crs, heights="ellipsoidal")
-    known = np.isfinite(listed.enh[:, 2])
-    names = [name for name, has in zip(listed.names.values(), known, strict=True) if has]
-    enh = listed.enh[known]
-    lonlath = np.column_stack([ellipsoidal.lonlat_from_grid(enh[:, :2]), enh[:, 2]])
-    marks = [
-        (
-            mark.image,
-            listed.names[mark.xyz],
-            _normalised(np.array(mark.colrow), size.get(mark.image)),
-        )
-        for mark in listed.seen
-    ]
-    return names, lonlath, marks
-
-
-def _normalised(colrow: Array, size: tuple[int, int] | None) -> list[float]:
-    width, height = size or (1, 1)
-    return ((colrow - [(width - 1) / 2, (height - 1) / 2]) / max(width, height)).tolist()
-
-
-def _lonlath(node: Node) -> list[float]:
-    height = node.maybe("altitude")
-    return [
-        node.one("longitude").number(LON),
-        node.one("latitude").number(LAT),
-        np.nan if height is None else height.number(HEIGHT),
-    ]
+            if (seen := observation.maybe("projection")) is not None:
+                xy = np.array([seen.one(k).number(NORMALISED) for k in (0, 1)])
+                marks.append((observation.one("shot_id").text(), name, xy))
+    return places, marks
 
 
 # --- ODM's gcp_list.txt: surveyed points and where they are in the pictures
@@ -701,24 +553,12 @@ UTM = re.compile(r"WGS\s?84\s+UTM\s+(\d{1,2})\s*([NS]?)", re.ASCII | re.I)
 _EXPECTED = "must be WGS84 UTM 17N, EPSG:n, WGS84, or a PROJ string"
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Seen:
-    """A line of the list: two coordinates where the height is not known, maybe no name."""
-
-    line: Line
-    name: str
-    xyz: tuple[float, ...]
-    colrow: tuple[float, ...]
-    image: str
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _List:
-    """The lines, names by coordinates, and these in the flight's system, NaN without a height."""
+    """Measurements, in pixels, and places in the flight's system, NaN without a height."""
 
-    seen: list[_Seen]
-    names: dict[tuple[float, ...], str]
-    enh: Array
+    seen: list[Seen]
+    places: dict[str, Array]
     system: Chosen
 
 
@@ -767,13 +607,8 @@ def control(source: Path, *, crs: str | None = None, camera: str | None = None) 
     """
     file = safe.read(source)
     listed = _list(file, crs)
-    known = np.isfinite(listed.enh[:, 2])
-    high, flat = (
-        tuple(name for name, has in zip(listed.names.values(), mask, strict=True) if has)
-        for mask in (known, ~known)
-    )
-    images, image_idx = first_use([mark.image for mark in listed.seen])
-    pairs = zip(image_idx, listed.seen, strict=True)
+    control, flat = _with_heights(listed.places)
+    images, image_idx = first_use([image for image, _, _ in listed.seen])
     return Project(
         source="ODM's control points",
         sources=[file],
@@ -783,8 +618,10 @@ def control(source: Path, *, crs: str | None = None, camera: str | None = None) 
             exposures=tuple(images),
             T_w_c=stacked([UNKNOWN] * len(images)),
         ),
-        measured=Measured.of([(k, listed.names[mark.xyz], mark.colrow) for k, mark in pairs]),
-        control=Control(names=high, enh=listed.enh[known]),
+        measured=Measured.of(
+            [(k, name, at) for k, (_, name, at) in zip(image_idx, listed.seen, strict=True)]
+        ),
+        control=control,
         settings=listed.system.settings,
         lost={f"points without a height: {', '.join(flat[:5])}": len(flat)},
         assumed=(
@@ -795,19 +632,22 @@ def control(source: Path, *, crs: str | None = None, camera: str | None = None) 
 
 
 def _list(file: Opened, crs: str | None) -> _List:
-    first, *rows = [*safe.lines(file, comment="#")] or [_blank(file)]
-    marks = [_seen(row) for row in rows]
-    if not marks:
-        raise first.wrong("file", "has no point after the CRS", "must have one at least")
-    names = _names(marks)
-    _require_once(marks, names)
+    """Return the points of a list, in the flight's system."""
+    rows = [*safe.lines(file, comment="#")]
+    if len(rows) < 2:
+        raise file.wrong("file", "has no point after the CRS", "must have one at least")
+    names, seen = _points(rows[1:])
     xyz = np.array([(*place, np.nan)[:3] for place in names])
-    system = _chosen(first, file, xyz, crs)
+    text = file.text().split("\n")[rows[0].number - 1].strip()
     try:
-        enh = system.from_source(xyz)
+        system = coordinates.chosen(crs_of(text), xyz[:, :2].mean(axis=0), crs)
+        enh = xyz if system is None else system.from_source(xyz)
     except ValueError as error:
-        raise first.wrong("CRS", str(error), "must lead to the flight's CRS") from None
-    return _List(seen=marks, names=names, enh=enh, system=system)
+        raise rows[0].wrong("CRS", f"{quoted(text)}: {error}", _EXPECTED) from None
+    if system is None:
+        raise rows[0].wrong("CRS", quoted(text), _EXPECTED)
+    places = dict(zip(names.values(), enh, strict=True))
+    return _List(seen=seen, places=places, system=system)
 
 
 def crs_of(text: str) -> str:
@@ -815,62 +655,34 @@ def crs_of(text: str) -> str:
     text = text.strip().strip("'\"")
     zone = UTM.fullmatch(text)
     if zone and 1 <= int(zone[1]) <= 60:
-        return f"EPSG:{(32700 if zone[2].upper() == 'S' else 32600) + int(zone[1])}"
+        return _code(int(zone[1]), zone[2].upper() != "S")
     return "EPSG:4326" if re.fullmatch(r"WGS\s?84", text, re.I) else text
 
 
-def _blank(file: Opened) -> NoReturn:
-    raise file.wrong("file", "has no line but remarks", _EXPECTED)
+def _points(rows: Sequence[Line]) -> tuple[dict[tuple[float, ...], str], list[Seen]]:
+    """Return the names of points by x, y and, if known, z, as two NaN are not equal, and marks.
 
-
-def _chosen(first: Line, file: Opened, xyz: Array, crs: str | None) -> Chosen:
-    text = file.text().split("\n")[first.number - 1]
-    try:
-        system = coordinates.chosen(crs_of(text), xyz[:, :2].mean(axis=0), crs)
-    except ValueError as error:
-        raise first.wrong("CRS", f"{quoted(text.strip())}: {error}", _EXPECTED) from None
-    if system is None:
-        raise first.wrong("CRS", quoted(text.strip()), _EXPECTED)
-    return system
-
-
-def _seen(row: Line) -> _Seen:
-    x, y = (row.number_at(k, name, METRES) for k, name in ((0, "x"), (1, "y")))
-    z = float("nan")
-    if row.cell(2, "z").lower() != "nan":
-        z = row.number_at(2, "z", RANGES["height_m"])
-    colrow = tuple(row.number_at(k, name, RANGES["col_px"]) for k, name in ((3, "col"), (4, "row")))
-    return _Seen(
-        line=row,
-        name=row.cells[6] if len(row) > 6 else "",
-        xyz=(x, y) if np.isnan(z) else (x, y, z),  # no two NaN are equal
-        colrow=colrow,
-        image=row.cell(5, "image"),
-    )
-
-
-def _names(marks: list[_Seen]) -> dict[tuple[float, ...], str]:
-    """Return names by coordinates; points without one are numbered in the order of the file."""
+    Points without a name are numbered in the order of the file.
+    """
     names: dict[tuple[float, ...], str] = {}
-    for mark in marks:
-        name = names.setdefault(mark.xyz, mark.name or f"GCP{len(names) + 1}")
-        if mark.name not in ("", name):
-            fault = f"{quoted(mark.name)} has the coordinates of {quoted(name)}"
-            raise mark.line.wrong("name", fault, "must be one name for one point")
-    times = Counter(names.values())
-    if len(times) < len(names):
-        again = [mark for mark in marks if times[names[mark.xyz]] > 1]
-        fault = f"{quoted(names[again[0].xyz])} has different coordinates"
-        raise again[-1].line.wrong("name", fault, "must be one point for one name")
-    return names
-
-
-def _require_once(marks: list[_Seen], names: dict[tuple[float, ...], str]) -> None:
-    before: set[tuple[str, str]] = set()
-    for mark in marks:
-        key = (mark.image, names[mark.xyz])
-        if key in before:
+    places: dict[str, tuple[float, ...]] = {}
+    seen: dict[tuple[str, str], Array] = {}
+    for row in rows:
+        xyz = tuple(row.numbers(0, 2, "x, y", METRES).tolist())
+        if row.cell(2, "z").lower() != "nan":
+            xyz = (*xyz, row.number_at(2, "z", RANGES["height_m"]))
+        colrow = row.numbers(3, 5, "col, row", RANGES["col_px"])
+        given = row.cells[6] if len(row) > 6 else ""
+        key = (row.cell(5, "image"), names.setdefault(xyz, given or f"GCP{len(names) + 1}"))
+        require_names(key, naming(partial(row.wrong, "name")))
+        if given not in ("", key[1]):
+            fault = f"{quoted(given)} has the coordinates of {quoted(key[1])}"
+            raise row.wrong("name", fault, "must be one name for one point")
+        if places.setdefault(key[1], xyz) != xyz:
+            fault = f"{quoted(key[1])} has different coordinates"
+            raise row.wrong("name", fault, "must be one point for one name")
+        if key in seen:
             fault = f"{quoted(key[1])} stands twice in {quoted(key[0])}"
-            raise mark.line.wrong("image", fault, "must stand once")
-        before.add(key)
-        require_names(key, naming(partial(mark.line.wrong, "name")))
+            raise row.wrong("image", fault, "must stand once")
+        seen[key] = colrow
+    return names, [(image, name, colrow) for (image, name), colrow in seen.items()]

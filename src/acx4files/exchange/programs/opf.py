@@ -10,13 +10,14 @@ one. Every place has a coordinate system of its own, whose order of axes its coo
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from pathlib import Path, PurePosixPath
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Annotated, Any
 from urllib.parse import unquote
 
 import numpy as np
+import pyproj
 from numpy.typing import NDArray
 
 from acx4files.exchange import coordinates, safe
@@ -49,17 +50,15 @@ from acx4files.exchange.project import (
     trajectory_in_grid,
     without_doubles,
 )
-from acx4files.exchange.safe import Node, Opened, refusal
+from acx4files.exchange.safe import Node, Opened, inside, refusal, told
 from acx4files.flight.problems import METRES, PIXELS, RANGES, Range, quoted
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
-from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_opk
-from acx4lib.geometry.geodesy import GridSystem, mean_origin
+from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_opk, turn
+from acx4lib.geometry.geodesy import mean_origin
 
-BEGIN, END = "application/opf-", "+json"
-"""Prefix and suffix of the names of JSON formats."""
-
-PROJECT = "project"
+FORMAT = "application/opf-{}+json"
+"""Name of a JSON format."""
 
 READ = (
     "camera-list",
@@ -77,10 +76,6 @@ CALIBRATION, GLTF = "calibration", "model/gltf+json"
 
 MAJOR = "1"
 """Major version that is read."""
-
-
-TYPES = ("perspective", "fisheye")
-"""Types of internals that are read."""
 
 POSITIVE = Range(1e-9, 1e9, "must be positive")
 
@@ -111,7 +106,7 @@ def project(
     Parameters
     ----------
     source : Path
-        A file .opf, or a folder with it or with the JSON files of OPF.
+        A file .opf, or a folder with it.
     orientations : {"initial", "adjusted", "none"}
         "initial" is what was measured of captures, "adjusted" the calibrated cameras.
     crs : str, optional
@@ -124,23 +119,33 @@ def project(
     FlightError
         Where the files are no project of OPF, or something in them cannot be.
     """
-    documents = _documents_of(source)
+    documents = _documents(source)
     sensors = _sensors(documents)
     shots = _shots(documents, sensors)
-    listed = documents.by_format.get("input-control-points")
-    gcps = {} if listed is None else _surveyed(listed)
-    system = _system(documents, _captured(shots), [place for place, _ in gcps.values()], crs)
-    if system is not None and heights is not None:
-        system = _with_heights(system, heights)
+    geolocated = [(shot, node) for shot in shots if (node := shot.measured("geolocation"))]
+    points, surveyed = _points(documents)
+    places = [place for place, _ in surveyed.values()]
+    places += [_place(node) for _, node in geolocated[:1]]
+    system = _system(documents, places, crs, heights)
     poses = _calibrated(documents)
     rows = {shot.number: k for k, shot in enumerate(shots)}
-    marks, lost_marks = _marks(documents, rows)
+    marks, lost_marks = _marks(documents, points, rows)
     ties, lost_ties = Measured(), 0
     if documents.tracks is not None:
         ties, lost_ties = _ties(documents.tracks, rows)
-    control, strange = _control(gcps, system)
-    bias = documents.by_format.get("gps-bias") is not None
-    others = ", ".join(dict.fromkeys(documents.others))
+    control = None
+    if system is not None and surveyed:
+        control = Control(
+            names=tuple(surveyed),
+            enh=np.stack([_enh(system, place) for place, _ in surveyed.values()]),
+            sigma=np.stack([place.sigma for place, _ in surveyed.values()]),
+            is_check=tuple(is_check for _, is_check in surveyed.values()),
+        )
+    left_out = {
+        f"{len(surveyed)} control points: no system on the Earth": surveyed and control is None,
+        "the bias of GPS positions": "gps-bias" in documents.by_format,
+        f"files of formats that are not read: {', '.join(documents.others)}": documents.others,
+    }
     return Project(
         source=documents.program,
         sources=documents.sources,
@@ -159,17 +164,13 @@ def project(
         control=control,
         settings={"name": documents.name, **(system.settings if system else {})},
         in_grid=_in_grid(documents, system),
-        trajectory=_measured(shots, system) if orientations == "initial" else Trajectory(),
+        trajectory=_measured(geolocated, system) if orientations == "initial" else Trajectory(),
         lost={
             "marks in images that are not in the project": lost_marks,
             "measurements of tie points in other images, or second ones in one": lost_ties,
         },
         assumed=(*ASSUMED, *(system.assumed if system else ())),
-        left_out=(
-            *strange,
-            *(("the bias of GPS positions",) if bias else ()),
-            *((f"files of formats that are not read: {others}",) if others else ()),
-        ),
+        left_out=tuple(sentence for sentence, is_so in left_out.items() if is_so),
         may_leave_cameras=True,
     )
 
@@ -186,10 +187,9 @@ def read(
 ) -> ImportedFlight:
     """Read a project in Pix4D's open photogrammetry format (OPF).
 
-    SOURCE is a file .opf, or a folder with it or with JSON files of OPF. Sensors with rig
-    relatives, images, tie points, control points with their marks and the measured orientations are
-    taken; with --orientations adjusted the trajectory is the calibrated cameras, and then a
-    boresight means nothing.
+    SOURCE is a file .opf, or a folder with it. Sensors with rig relatives, images, tie points,
+    control points with their marks and the measured orientations are taken; with --orientations
+    adjusted the trajectory is the calibrated cameras, and then a boresight means nothing.
 
     Examples
     --------
@@ -200,16 +200,11 @@ def read(
     FlightError
         As `project` and `flight_of`.
     """
-    return flight_of(
-        project(source, orientations=orientations, crs=crs, heights=heights),
-        orientations=orientations,
-        block=block,
-        pixel_um=pixel_um,
-        allow=allow,
-    )
+    found = project(source, orientations=orientations, crs=crs, heights=heights)
+    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um, allow=allow)
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class _Documents:
     """The documents of a project: the first of each format of `READ`, the tie points' glTF file.
 
@@ -217,130 +212,94 @@ class _Documents:
     """
 
     name: str
-    program: str = "OPF"
-    by_format: Mapping[str, Node] = field(default_factory=dict)
-    others: list[str] = field(default_factory=list)
-    tracks: Node | None = None
-    sources: tuple[Opened, ...] = ()
+    program: str
+    by_format: Mapping[str, Node]
+    others: Sequence[str]
+    tracks: Node | None
+    sources: tuple[Opened, ...]
 
 
-def _documents_of(source: Path) -> _Documents:
-    """Return the documents of a file .opf, of a folder, or of one JSON file of OPF."""
+def _documents(source: Path) -> _Documents:
+    """Return the documents of a file .opf, or of a folder with one."""
     if source.is_dir():
         listed = sorted(source.glob("*.opf"))
-        if len(listed) > 1:
-            names = ", ".join(path.name for path in listed)
-            raise refusal(str(source), 1, "folder", f"has {names}", "name one of them")
-        if not listed:
-            return _gathered(source)
+        if len(listed) != 1:
+            fault = f"has {', '.join(path.name for path in listed) or 'no project'}"
+            raise refusal(str(source), 1, "folder", fault, "must have one .opf, or name it")
         source = listed[0]
-    root = safe.json_tree(safe.read(source))
-    if _format(root) != PROJECT:
-        return _documents(source.stem, "OPF", [root])
-    return _of_items(source, root)
-
-
-def _gathered(folder: Path) -> _Documents:
-    """Return the documents of a folder without a project."""
-    roots = [safe.json_tree(safe.read(path)) for path in sorted(folder.glob("*.json"))]
-    roots = [root for root in roots if _format(root, must=False)]
-    if not roots:
-        fault, expected = "has no file of OPF", "must have project.opf, or JSON files of OPF"
-        raise refusal(str(folder), 1, "folder", fault, expected)
-    return _documents(folder.resolve().name, "OPF", roots)
-
-
-def _of_items(path: Path, root: Node) -> _Documents:
-    _require_version(root)
-    roots: dict[Path, Node] = {}
-    others, tracks = [], None
-    for kind, resource in _resources(root):
-        name = resource.one("format").text()
-        if kind == CALIBRATION and name == GLTF and tracks is None:
-            place = _inside(resource.one("uri"), path.parent)
-            if place.exists():
-                tracks = safe.json_tree(safe.read(place))
-                continue
-        if name.removeprefix(BEGIN).removesuffix(END) not in READ:
+    root = _document(source, "project")
+    by_format: dict[str, Node] = {}
+    others = []
+    tracks = None
+    for kind, name, uri in _resources(root):
+        known = next((one for one in READ if FORMAT.format(one) == name), None)
+        if known is None and (kind, name) != (CALIBRATION, GLTF):
             others.append(name)
             continue
-        place = _inside(resource.one("uri"), path.parent)
-        if place not in roots:
-            roots[place] = safe.json_tree(safe.read(place))
-    generator = root.maybe("generator")
-    program = "OPF"
-    if generator is not None:
-        parts = (generator.maybe("name"), generator.maybe("version"))
-        program = " ".join(["OPF of", *(part.text() for part in parts if part is not None)])
+        place = _file(uri, source.parent)
+        if known is not None and known not in by_format:
+            by_format[known] = _document(place, known)
+        elif known is None and tracks is None and place.exists():
+            tracks = safe.json_tree(safe.read(place))
+        elif known is None or Path(by_format[known].source.file) != place:
+            others.append(name if known is None else f"a second {known}")
+    parts = (root.maybe("generator", "name"), root.maybe("generator", "version"))
+    generator = [part.text() for part in parts if part is not None]
     title = root.maybe("name")
-    if not roots:
-        known = ", ".join(READ)
-        raise root.one("items").wrong("has no file that is read", f"must have some of {known}")
-    name = path.stem if title is None else title.text()
-    documents = _documents(name, program, [*roots.values()])
-    documents.others += others
-    documents.tracks = tracks
-    documents.sources = (
-        root.source,
-        *documents.sources,
-        *(() if tracks is None else (tracks.source,)),
-    )
-    return documents
-
-
-def _resources(root: Node) -> Iterator[tuple[str, Node]]:
-    """Yield the files of a project, with the type of the item that they belong to."""
-    for item in root.one("items").each():
-        for resource in item.one("resources").each():
-            yield item.one("type").text(), resource
-
-
-def _documents(name: str, program: str, roots: list[Node]) -> _Documents:
-    documents: dict[str, Node] = {}
-    others = []
-    for root in roots:
-        _require_version(root)
-        kind = _format(root)
-        if kind in READ and kind not in documents:
-            documents[kind] = root
-        else:
-            others.append(kind if kind not in READ else f"a second {kind}")
-    if not documents:
-        fault = f"{quoted(others[0])} is none that is read"
-        raise roots[0].one("format").wrong(fault, f"must be one of {', '.join(READ)}")
+    read = [root, *by_format.values(), *([] if tracks is None else [tracks])]
     return _Documents(
-        name=name,
-        program=program,
-        by_format=documents,
-        others=others,
-        sources=tuple(root.source for root in documents.values()),
+        name=source.stem if title is None else title.text(),
+        program=" ".join(["OPF of", *generator] if generator else ["OPF"]),
+        by_format=by_format,
+        others=list(dict.fromkeys(others)),
+        tracks=tracks,
+        sources=tuple(node.source for node in read),
     )
 
 
-def _format(root: Node, *, must: bool = True) -> str:
-    """Return the name of a document's format; empty where it has none and need not."""
-    text = root.maybe("format")
-    if text is not None and isinstance(text.value, str) and text.value.startswith(BEGIN):
-        return text.value.removeprefix(BEGIN).removesuffix(END)
-    if not must:
-        return ""
-    fault = "is missing" if text is None else quoted(text.value)
-    raise (text or root).wrong(f"format {fault}", f"must begin with {BEGIN}")
-
-
-def _require_version(root: Node) -> None:
-    version = root.one("version")
+def _document(path: Path, kind: str) -> Node:
+    """Return a document, which must have a format and the version that is read."""
+    root = safe.json_tree(safe.read(path))
+    name, version = root.one("format"), root.one("version")
+    if name.text() != FORMAT.format(kind):
+        raise name.wrong(quoted(name.text()), f"must be {FORMAT.format(kind)}")
     if version.text().split(".")[0] != MAJOR:
         raise version.wrong(quoted(version.text()), f"must be version {MAJOR}")
+    return root
 
 
-def _inside(uri: Node, folder: Path) -> Path:
-    """Return the path of a file in a project; it must lie below the project's folder."""
-    text = unquote(uri.text())
-    parts = PurePosixPath(text.replace("\\", "/"))
-    if parts.is_absolute() or ".." in parts.parts or ":" in text or "\0" in text:
-        raise uri.wrong(quoted(text), "must lie below the project's folder")
-    return folder / parts
+def _resources(root: Node) -> Iterator[tuple[str, str, Node]]:
+    """Yield the types of a project's items with the formats and addresses of their files."""
+    for item in root.one("items").each():
+        for resource in item.one("resources").each():
+            yield item.one("type").text(), resource.one("format").text(), resource.one("uri")
+
+
+def _file(uri: Node, folder: Path) -> Path:
+    """Return the place of a file of the project, which must lie below a folder."""
+    return inside(folder, unquote(uri.text()), uri.wrong)
+
+
+def _by_id(listed: Iterable[Node]) -> dict[str, Node]:
+    """Return the nodes of a list by their ids, which must be unique."""
+    nodes: dict[str, Node] = {}
+    for node in listed:
+        name = node.one("id")
+        if nodes.setdefault(name.text(), node) is not node:
+            raise name.wrong(f"{quoted(name.text())} is there twice", "must be unique")
+    return nodes
+
+
+def _named(nodes: Mapping[str, Node], labels: Sequence[str]) -> dict[str, str]:
+    """Return the names of nodes by their ids, which stand behind labels that occur twice."""
+    names, _ = without_doubles(labels, list(nodes))
+    places = dict(zip(names, nodes.values(), strict=True))
+    require_names(names, lambda name, fault, expected: places[name].wrong(fault, expected))
+    return dict(zip(nodes, names, strict=True))
+
+
+def _is_true(node: Node | None) -> bool:
+    return node is not None and node.value is True
 
 
 # sensors
@@ -354,121 +313,91 @@ class _Sensor:
     lens: Lens
 
 
-def _sensors(project: _Documents) -> dict[str, _Sensor]:
+def _sensors(documents: _Documents) -> dict[str, _Sensor]:
     """Return the sensors by their numbers, with adjusted internals where there are any."""
-    declared = project.by_format.get("input-cameras")
+    declared = documents.by_format.get("input-cameras")
     if declared is None:
-        source = project.sources[0]
         missing = "the project has no input-cameras"
-        raise source.wrong("file", missing, "required: the sizes of images are there")
-    nodes = {sensor.one("id").text(): sensor for sensor in declared.one("sensors").each()}
-    calibrated = project.by_format.get("calibrated-cameras")
-    after: dict[str, Node] = {}
-    if calibrated is not None:
-        after = {sensor.one("id").text(): sensor for sensor in calibrated.one("sensors").each()}
-    ids = list(nodes)
-    names, _ = without_doubles(_sensor_labels(nodes), ids)
-    places = dict(zip(names, nodes.values(), strict=True))
-    require_names(names, lambda name, fault, expected: places[name].wrong(fault, expected))
-    return {i: _sensor(name, nodes[i], after.get(i)) for i, name in zip(ids, names, strict=True)}
-
-
-def _sensor_labels(nodes: Mapping[str, Node]) -> list[str]:
-    """Return the names of sensors, with their bands where several have one name."""
-    labels = {}
+        expected = "required: the sizes of images are there"
+        raise documents.sources[0].wrong("items", missing, expected)
+    nodes = _by_id(declared.one("sensors").each())
+    calibrated = documents.by_format.get("calibrated-cameras")
+    after = {} if calibrated is None else _by_id(calibrated.one("sensors").each())
+    labels = []
     for i, node in nodes.items():
         name = node.maybe("name")
-        labels[i] = i if name is None or not name.text().strip() else name.text().strip()
-    often = Counter(labels.values())
-    return [f"{name} {_bands(nodes[i])}" if often[name] > 1 else name for i, name in labels.items()]
-
-
-def _bands(node: Node) -> str:
-    bands = node.maybe("bands")
-    listed = [band.maybe("name") for band in bands.each()] if bands is not None else []
-    return "+".join(band.text() for band in listed if band is not None)
+        labels.append("" if name is None else name.text().strip())
+        labels[-1] = labels[-1] or i
+    often = Counter(labels)
+    for k, node in enumerate(nodes.values()):
+        if often[labels[k]] > 1 and (listed := node.maybe("bands")) is not None:
+            bands = [band.one("name").text() for band in listed.each()]
+            labels[k] = f"{labels[k]} {'+'.join(bands)}"
+    names = _named(nodes, labels)
+    return {i: _sensor(names[i], node, after.get(i)) for i, node in nodes.items()}
 
 
 def _sensor(name: str, declared: Node, after: Node | None) -> _Sensor:
     source = declared if after is None else after
-    width, height = (declared.one("image_size_px").numbers(2)).tolist()
-    for side in (width, height):
-        if side not in PIXELS:
-            raise declared.one("image_size_px").wrong(f"{side:g}", str(PIXELS))
-    pixel = declared.maybe("pixel_size_um")
-    lens = _lens(source.one("internals"), int(width), int(height))
-    return _Sensor(
-        name=name,
-        lens=replace(
-            lens,
-            pixel_um=0.0 if pixel is None else pixel.number(RANGES["pixel_um"]),
-            mount=_mount(source.maybe("rig_relatives") or declared.maybe("rig_relatives")),
-            kind="initial" if after is None else "adjusted",
-            remark=_sigma(name, declared.maybe("rig_relatives")),
-        ),
+    size, pixel = declared.one("image_size_px"), declared.maybe("pixel_size_um")
+    width, height = map(int, size.numbers(2, allowed=PIXELS))
+    relatives, remark = declared.maybe("rig_relatives"), ""
+    if relatives is not None:
+        given = [relatives.maybe("rotation", "sigmas_deg")]
+        given.append(relatives.maybe("translation", "sigmas_m"))
+        sigmas = [one.numbers(3) for one in given if one is not None]
+        if len(sigmas) == len(given):
+            degrees, metres = (", ".join(f"{value:g}" for value in sigma) for sigma in sigmas)
+            before = f"place of {name} in the rig before the adjustment"
+            remark = f"{before}, sigma: {degrees} degrees and {metres} m"
+    lens = replace(
+        _lens(source.one("internals"), width, height),
+        pixel_um=0.0 if pixel is None else pixel.number(RANGES["pixel_um"]),
+        mount=_mount(source.maybe("rig_relatives") or relatives),
+        kind="initial" if after is None else "adjusted",
+        remark=remark,
     )
+    return _Sensor(name=name, lens=lens)
 
 
 def _mount(relatives: Node | None) -> Pose:
     """Return T_b_c from rig relatives, which are input's or calibrated ones."""
     if relatives is None:
         return Pose(R=TOP_AHEAD, r=np.zeros(3))
-    shift, turn = relatives.one("translation"), relatives.maybe("rotation")
-    if turn is None:
+    shift, rotation = relatives.one("translation"), relatives.maybe("rotation")
+    if rotation is None:
         r, angles = shift.numbers(3), relatives.one("rotation_angles_deg").numbers(3)
     else:
-        r, angles = shift.one("values_m").numbers(3), turn.one("angles_deg").numbers(3)
+        r, angles = shift.one("values_m").numbers(3), rotation.one("angles_deg").numbers(3)
     R_rel = rotation_from_opk(np.radians(angles)[None])[0]  # Rx Ry Rz, as there
     return Pose(R=TOP_AHEAD @ turned(R_rel), r=TOP_AHEAD @ FLIP @ r)
 
 
-def _sigma(name: str, relatives: Node | None) -> str:
-    if relatives is None or relatives.maybe("rotation") is None:
-        return ""
-    turn = relatives.maybe("rotation", "sigmas_deg")
-    shift = relatives.maybe("translation", "sigmas_m")
-    if turn is None or shift is None:
-        return ""
-    degrees = ", ".join(f"{value:g}" for value in turn.numbers(3))
-    metres = ", ".join(f"{value:g}" for value in shift.numbers(3))
-    return (
-        f"place of {name} in the rig before the adjustment, sigma: {degrees} degrees and {metres} m"
-    )
-
-
 def _lens(node: Node, width: int, height: int) -> Lens:
     """Return the lens that a node ``internals`` describes, of an image of a size."""
-    kind = node.one("type").text()
-    if kind not in TYPES:
-        raise node.one("type").wrong(quoted(kind), f"must be one of {', '.join(TYPES)}")
+    kind = node.one("type")
     cx, cy = (node.one("principal_point_px").numbers(2) - HALF).tolist()
-    if kind == "fisheye":
-        return _fisheye(node, width, height, (cx, cy))
-    f = node.one("focal_length_px").number(POSITIVE)
-    values = [*_floats(node, "radial_distortion", 3), *_floats(node, "tangential_distortion", 2)]
-    return Lens(
-        width_px=width,
-        height_px=height,
-        hole=Pinhole(fx=f, fy=f, cx=cx, cy=cy),
-        distortion=PERSPECTIVE.distortion(values),
-        wrong=node.wrong,
-    )
-
-
-def _fisheye(node: Node, width: int, height: int, centre: tuple[float, float]) -> Lens:
-    c, d, e, f = _floats(node, "affine", 4)
-    p = _floats(node, "polynomial", -1)
+    if kind.text() == "perspective":
+        f = node.one("focal_length_px").number(POSITIVE)
+        radial = node.one("radial_distortion").numbers(3)
+        tangential = node.one("tangential_distortion").numbers(2)
+        return Lens(
+            width_px=width,
+            height_px=height,
+            hole=Pinhole(fx=f, fy=f, cx=cx, cy=cy),
+            distortion=PERSPECTIVE.distortion([*radial, *tangential]),
+            wrong=node.wrong,
+        )
+    if kind.text() != "fisheye":
+        raise kind.wrong(quoted(kind.text()), "must be one of perspective, fisheye")
+    affine, polynomial = node.one("affine"), node.one("polynomial")
+    c, d, e, f = affine.numbers(4).tolist()
+    p = polynomial.numbers(-1).tolist()
     if len(p) < 2 or p[0] != 0 or p[1] <= 0:
-        values = quoted(list(p))
-        raise node.one("polynomial").wrong(values, "must be 0, a positive number, and others")
+        raise polynomial.wrong(quoted(p), "must be 0, a positive number, and others")
     if c <= 0 or f <= 0 or c * f - d * e <= 0:
-        values = quoted([c, d, e, f])
-        raise node.one("affine").wrong(values, "must be c d; e f with positive c and f")
-    return fisheye(p, (c, d, e, f), centre, size=(width, height), wrong=node.wrong)
-
-
-def _floats(node: Node, key: str, n: int) -> list[float]:
-    return node.one(key).numbers(n).tolist()
+        raise affine.wrong(quoted([c, d, e, f]), "must be c d; e f with positive c and f")
+    return fisheye(p, (c, d, e, f), (cx, cy), size=(width, height), wrong=node.wrong)
 
 
 # images
@@ -484,156 +413,116 @@ class _Shot:
     sensor: _Sensor
     capture: Node | None
 
+    def measured(self, key: str) -> Node | None:
+        """Return the capture's geolocation or orientation; None where there is none."""
+        return None if self.capture is None else self.capture.maybe(key)
 
-def _shots(project: _Documents, sensors: Mapping[str, _Sensor]) -> list[_Shot]:
+
+def _shots(documents: _Documents, sensors: Mapping[str, _Sensor]) -> list[_Shot]:
     """Return the images of the captures, or else of the calibrated cameras."""
-    captures = list(project.by_format["input-cameras"].one("captures").each())
+    captures = documents.by_format["input-cameras"].one("captures").each()
     pairs: list[tuple[Node, Node | None]] = [
         (camera, capture) for capture in captures for camera in capture.one("cameras").each()
     ]
-    after = project.by_format.get("calibrated-cameras")
+    after = documents.by_format.get("calibrated-cameras")
     if not pairs and after is not None:
         pairs = [(camera, None) for camera in after.one("cameras").each()]
-    numbers = [camera.one("id").text() for camera, _ in pairs]
-    labels = _labels(project)
-    names, _ = without_doubles([labels.get(i, i) for i in numbers], numbers)
-    places_of = {name: camera for name, (camera, _) in zip(names, pairs, strict=True)}
-    require_names(names, lambda name, fault, wanted: places_of[name].wrong(fault, wanted))
-    named = dict(zip(numbers, names, strict=True))
-    if len(named) < len(numbers):
-        times = Counter(numbers)
-        again = next(camera for camera, _ in pairs if times[camera.one("id").text()] > 1)
-        raise again.one("id").wrong("is there twice", "must be unique")
-    return [_shot(camera, capture, named, sensors) for camera, capture in pairs]
+    cameras = _by_id(camera for camera, _ in pairs)
+    listed = documents.by_format.get("camera-list")
+    files = () if listed is None else listed.one("cameras").each()
+    uris = {file.one("id").text(): file.one("uri").text().replace("\\", "/") for file in files}
+    named = _named(cameras, [uris.get(i, i).rpartition("/")[2] for i in cameras])
+    shots = []
+    for (number, name), (camera, capture) in zip(named.items(), pairs, strict=True):
+        sensor = camera.one("sensor_id")
+        if sensor.text() not in sensors:
+            raise sensor.wrong(quoted(sensor.text()), "must be the id of a sensor")
+        leader = camera.one("id") if capture is None else capture.one("reference_camera_id")
+        if leader.text() not in named:
+            raise leader.wrong(quoted(leader.text()), "must be a camera's id")
+        shot = _Shot(
+            number=number,
+            name=name,
+            exposure=named[leader.text()],
+            sensor=sensors[sensor.text()],
+            capture=capture if number == leader.text() else None,
+        )
+        shots.append(shot)
+    return shots
 
 
-def _shot(
-    camera: Node, capture: Node | None, named: Mapping[str, str], sensors: Mapping[str, _Sensor]
-) -> _Shot:
-    number, sensor = camera.one("id").text(), camera.one("sensor_id")
-    if sensor.text() not in sensors:
-        raise sensor.wrong(quoted(sensor.text()), "must be the id of a sensor")
-    leader = number if capture is None else capture.one("reference_camera_id").text()
-    if capture is not None and leader not in named:
-        raise capture.one("reference_camera_id").wrong(quoted(leader), "must be a camera's id")
-    return _Shot(
-        number=number,
-        name=named[number],
-        exposure=named[leader],
-        sensor=sensors[sensor.text()],
-        capture=capture if number == leader else None,
-    )
-
-
-def _labels(project: _Documents) -> dict[str, str]:
-    """Return the names of images by camera numbers: the last part of their addresses."""
-    listed = project.by_format.get("camera-list")
-    if listed is None:
-        return {}
-    return {
-        camera.one("id").text(): camera.one("uri").text().replace("\\", "/").rpartition("/")[2]
-        for camera in listed.one("cameras").each()
-    }
-
-
-def _captured(shots: list[_Shot]) -> list[_Place]:
-    """Return the place of the first capture with a place, in a list; else an empty list."""
-    for shot in shots:
-        if shot.capture is not None and (node := shot.capture.maybe("geolocation")) is not None:
-            return [_place(node)]
-    return []
-
-
-def _calibrated(project: _Documents) -> dict[str, Pose]:
+def _calibrated(documents: _Documents) -> dict[str, Pose]:
     """Return the poses of calibrated cameras in the processing system, by camera numbers."""
-    document = project.by_format.get("calibrated-cameras")
+    document = documents.by_format.get("calibrated-cameras")
     if document is None:
         return {}
     poses = {}
-    for camera in document.one("cameras").each():
+    for i, camera in _by_id(document.one("cameras").each()).items():
         opk = np.radians(camera.one("orientation_deg").numbers(3))
-        poses[camera.one("id").text()] = Pose(
-            R=rotation_from_opk(opk[None])[0], r=camera.one("position").numbers(3, allowed=METRES)
-        )
+        r = camera.one("position").numbers(3, allowed=METRES)
+        poses[i] = Pose(R=rotation_from_opk(opk[None])[0], r=r)
     return poses
 
 
-def _in_grid(project: _Documents, system: Chosen | None) -> InGrid:
+def _in_grid(documents: _Documents, system: Chosen | None) -> InGrid:
     """Return how the processing system lies in the flight's grid."""
-    frame = project.by_format.get("scene-reference-frame")
+    frame = documents.by_format.get("scene-reference-frame")
     if frame is None or system is None:
-        root = frame or project.by_format["input-cameras"]
+        root = frame or documents.by_format["input-cameras"]
         expected = "adjusted orientations need one"
         return nowhere(root.wrong("has no coordinate system on the Earth", expected))
     node = frame.one("crs", "definition")
 
     def in_grid(T: Pose) -> tuple[Array, Array]:
-        try:
+        to_canonical = frame.one("base_to_canonical")
+        scale, shift = (to_canonical.one(key).numbers(3) for key in ("scale", "shift"))
+        if (scale == 0).any():
+            raise to_canonical.one("scale").wrong("has a zero", "must be three numbers but zero")
+        # scaled, swapped, then shifted; what is swapped is swapped once more by its order of axes
+        if _is_true(to_canonical.maybe("swap_xy")):
+            scale = scale[[1, 0, 2]]
+        with told(node.wrong, "must be convertible"):
             source = coordinates.parsed(node.text())
             if not source.is_projected:
                 raise node.wrong(quoted(source.name), "must be projected for adjusted orientations")
-            enh = replace(system, source=source).from_source(_base(frame, T.r))
+            enh = replace(system, source=source).from_source((T.r - shift) / scale)
             enh = coordinates.with_heights(system, enh, coordinates.heights_of(source))
-        except ValueError as error:
-            raise node.wrong(" ".join(str(error).split()), "must be convertible") from None
         return enh, T.opk
 
     return in_grid
 
 
-def _base(frame: Node, xyz: Array) -> Array:
-    """Return positions of the processing system in the scene's own, east first."""
-    turn = frame.one("base_to_canonical")
-    scale, shift = turn.one("scale").numbers(3), turn.one("shift").numbers(3)
-    if (scale == 0).any():
-        raise turn.one("scale").wrong("has a zero", "must be three numbers that are not zero")
-    # scaled, swapped, then shifted; what is swapped is swapped once more by its order of axes
-    return np.asarray((xyz - shift) / (scale[[1, 0, 2]] if _swaps(turn) else scale))
-
-
-def _swaps(turn: Node) -> bool:
-    swap = turn.maybe("swap_xy")
-    return swap is not None and swap.value is True
-
-
-def _measured(shots: list[_Shot], system: Chosen | None) -> Trajectory:
+def _measured(geolocated: Sequence[tuple[_Shot, Node]], system: Chosen | None) -> Trajectory:
     """Return the trajectory by the measured places and angles of captures."""
     rows = [
-        (shot, shot.capture.one("geolocation"), shot.capture.one("orientation"))
-        for shot in shots
-        if shot.capture is not None
-        and shot.capture.maybe("geolocation") is not None
-        and shot.capture.maybe("orientation") is not None
+        (shot.exposure, place, angles)
+        for shot, place in geolocated
+        if (angles := shot.measured("orientation")) is not None
     ]
     if not rows or system is None:
         return Trajectory(left_out=("a trajectory: no capture has position and angles",))
-    names = [shot.exposure for shot, _, _ in rows]
-    spots = [_place(place_node) for _, place_node, _ in rows]
+    places = [_place(node) for _, node, _ in rows]
     try:
-        enh = np.stack([_enh(system, spot) for spot in spots])
+        enh = np.stack([_enh(system, place) for place in places])
     except FlightError as error:
         return Trajectory(left_out=(f"the measured orientations: {error.problems[0]}",))
-    opk, sigma = zip(
-        *(
-            _attitude(angles_node, place, system)
-            for (_, _, angles_node), place in zip(rows, enh, strict=True)
-        ),
-        strict=True,
+    opk, sigma = (
+        np.stack(one)
+        for one in zip(
+            *(_attitude(angles, at, system) for (_, _, angles), at in zip(rows, enh, strict=True)),
+            strict=True,
+        )
     )
-    table: dict[str, object] = {
-        **dict(trajectory_in_grid(names, enh, np.stack(opk))),
-        **_sigmas(("east_m", "north_m", "height_m"), np.stack([spot.sigma for spot in spots])),
-        **_sigmas(("roll_deg", "pitch_deg", "heading_deg"), np.stack(sigma)),
+    table: dict[str, object] = {**trajectory_in_grid([name for name, _, _ in rows], enh, opk)}
+    sigmas = {
+        ("east_m", "north_m", "height_m"): np.stack([place.sigma for place in places]),
+        ("roll_deg", "pitch_deg", "heading_deg"): sigma,
     }
+    for names, values in sigmas.items():
+        if (values > 0).all():
+            columns = np.round(values, DEGREES).T.tolist()
+            table |= {f"sigma_{name}": column for name, column in zip(names, columns, strict=True)}
     return Trajectory(table=table, assumed=(ANGLES,))
-
-
-def _sigmas(names: tuple[str, str, str], values: Array) -> Mapping[str, list[float]]:
-    """Return the columns of standard deviations; none where one is not known."""
-    if not (values > 0).all():
-        return {}
-    pairs = zip(names, np.round(values, DEGREES).T.tolist(), strict=True)
-    return {f"sigma_{name}": column for name, column in pairs}
 
 
 def _attitude(node: Node, enh: Array, system: Chosen) -> tuple[Array, Array]:
@@ -652,22 +541,14 @@ def _attitude(node: Node, enh: Array, system: Chosen) -> tuple[Array, Array]:
     if kind != "omega_phi_kappa":
         expected = "must be yaw_pitch_roll or omega_phi_kappa"
         raise node.one("type").wrong(quoted(kind), expected)
-    R_g_b = rotation_from_opk(angles[None])[0] @ TOP_AHEAD.T
-    turned = _meridians(node.one("crs"), lonlat, grid) @ R_g_b
-    return opk_from_rotation(turned[None])[0], sigma[[1, 0, 2]]
-
-
-def _meridians(node: Node, lonlat: Array, grid: GridSystem) -> Array:
-    """Return the rotation from the axes of another grid to those of the flight's at a place."""
-    try:
-        other = coordinates.grid_of(node.text())
-    except ValueError as error:
-        raise node.wrong(str(error), "must be a projected coordinate system") from None
-    here, there = (system.convergence(lonlat)[0] for system in (grid, other))
+    crs = node.one("crs")  # of the grid by which the angles count
+    with told(crs.wrong, "must be a projected coordinate system"):
+        other = coordinates.grid_of(crs.text())
+    here, there = (one.convergence(lonlat)[0] for one in (grid, other))
     if not np.isfinite([here, there]).all():
-        raise node.wrong(f"{node.text()} is not defined there", "must be that of the place")
-    c, s = np.cos(here - there), np.sin(here - there)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        raise crs.wrong(f"{crs.text()} is not defined there", "must be that of the place")
+    R_g_b = turn(2, here - there) @ rotation_from_opk(angles[None])[0] @ TOP_AHEAD.T
+    return opk_from_rotation(R_g_b[None])[0], sigma[[1, 0, 2]]
 
 
 # places
@@ -677,68 +558,62 @@ def _meridians(node: Node, lonlat: Array, grid: GridSystem) -> Array:
 class _Place:
     """A node ``geolocation``: east or longitude first, sigma 0 where it is not given.
 
-    `text` is the definition of its coordinate system, `heights` as the key of flight.toml.
+    `system` is its coordinate system, `heights` as the key of flight.toml.
     """
 
     node: Node
     xyh: Array
     sigma: Array
-    text: str
+    system: pyproj.CRS
     heights: str | float
 
 
 def _place(node: Node) -> _Place:
     """Return the place in a node ``geolocation``."""
     definition = node.one("crs", "definition")
-    text = definition.text()
-    try:
-        system = coordinates.parsed(text)
-        swap = coordinates.is_north_first(system)
-    except ValueError as error:
-        raise definition.wrong(str(error), "must be a coordinate system") from None
-    order = [1, 0, 2] if swap else [0, 1, 2]
+    with told(definition.wrong, "must be a coordinate system"):
+        system = coordinates.parsed(definition.text())
+        order = [1, 0, 2] if coordinates.is_north_first(system) else [0, 1, 2]
     sigma = node.maybe("sigmas")
     undulation = node.maybe("crs", "geoid_height")
     return _Place(
         node=node,
         xyh=node.one("coordinates").numbers(3, allowed=METRES)[order],
         sigma=np.zeros(3) if sigma is None else np.maximum(sigma.numbers(3), 0.0)[order],
-        text=text,
+        system=system,
         heights=coordinates.heights_of(system) if undulation is None else undulation.number(),
     )
 
 
 def _system(
-    project: _Documents, captured: list[_Place], surveyed: list[_Place], wanted: str | None
+    documents: _Documents,
+    places: Sequence[_Place],
+    wanted: str | None,
+    heights: str | float | None,
 ) -> Chosen | None:
     """Return the flight's coordinate system; None where the project has none on the Earth.
 
     It is that of the scene reference frame where this is projected, else the UTM zone of the first
-    place; heights are those of the control points, else of the captures.
+    place; heights are those of the first place.
     """
-    frame = project.by_format.get("scene-reference-frame")
+    frame = documents.by_format.get("scene-reference-frame")
     nodes: list[tuple[Node, Array | None]] = []
     if frame is not None:
         nodes.append((frame.one("crs", "definition"), None))
-    nodes += [
-        (place.node.one("crs", "definition"), place.xyh[:2]) for place in (*captured, *surveyed)
-    ]
-    system, fault = None, None
+    nodes += [(place.node.one("crs", "definition"), place.xyh[:2]) for place in places]
+    fault = None
     for node, xy in nodes:
         try:
-            system = coordinates.chosen(node.text(), xy, wanted)
+            if (system := coordinates.chosen(node.text(), xy, wanted)) is not None:
+                break
         except ValueError as error:
             fault = fault or node.wrong(str(error), "must be one that a flight can have")
-        if system is not None:
-            break
-    if system is None and fault is not None:
-        raise fault
-    places = (*surveyed, *captured)
-    return system if system is None or not places else _with_heights(system, places[0].heights)
-
-
-def _with_heights(system: Chosen, heights: str | float) -> Chosen:
-    """Return a system with other heights, and with the sentence on them."""
+    else:
+        if fault is not None:
+            raise fault
+        return None
+    if heights is None:
+        heights = places[0].heights if places else system.heights
     phrase = "above the ellipsoid" if heights == "ellipsoidal" else f"of {heights}"
     if isinstance(heights, float):
         phrase = f"{heights:g} m less than above the ellipsoid"
@@ -747,100 +622,54 @@ def _with_heights(system: Chosen, heights: str | float) -> Chosen:
 
 def _enh(system: Chosen, place: _Place) -> Array:
     """Return east, north, height of a place in the flight's system, shape (3,)."""
-    try:
-        of_place = replace(system, source=coordinates.parsed(place.text))
-        enh = of_place.from_source(place.xyh[None])
+
+    def wrong(said: str, expected: str) -> FlightError:
+        return place.node.wrong(said.partition(" (Error")[0], expected)  # without PROJ's own words
+
+    with told(wrong, "must be convertible into the flight's system"):
+        enh = replace(system, source=place.system).from_source(place.xyh[None])
         enh = coordinates.with_heights(system, enh, place.heights)
-    except ValueError as error:
-        message = " ".join(str(error).split()).split(" (Error")[0]
-        raise place.node.wrong(message, "must be convertible into the flight's system") from None
     if not np.isfinite(enh).all():
         raise place.node.wrong("lies outside the flight's system", "must lie inside")
     return np.asarray(enh[0])
 
 
-def _surveyed(control: Node) -> dict[str, tuple[_Place, bool]]:
-    """Return the places of control points, and whether they are check points."""
-    places: dict[str, tuple[_Place, bool]] = {}
-    for gcp in control.one("gcps").each():
-        name = gcp.one("id").text()
-        if name in places:
-            raise gcp.one("id").wrong(f"{quoted(name)} is there twice", "must be unique")
-        require_names([name], lambda _, fault, wanted: gcp.one("id").wrong(fault, wanted))  # noqa: B023 called at once
-        check = gcp.maybe("is_checkpoint")
-        is_check = check is not None and check.value is True
-        places[name] = (_place(gcp.one("geolocation")), is_check)
-    return places
-
-
-def _control(
-    gcps: Mapping[str, tuple[_Place, bool]], system: Chosen | None
-) -> tuple[Control | None, tuple[str, ...]]:
-    """Return the control points, and sentences on those that are left out."""
-    if system is None:
-        return None, (f"{len(gcps)} control points: no system on the Earth",) * bool(gcps)
-    enh: dict[str, Array] = {}
-    strange = []
-    for name, (spot, _) in gcps.items():
-        try:
-            enh[name] = _enh(system, spot)
-        except FlightError as error:
-            strange.append(f"control point {name}: {error.problems[0]}")
-    if not enh:
-        return None, tuple(strange)
-    control = Control(
-        names=tuple(enh),
-        enh=np.stack(list(enh.values())),
-        sigma=np.stack([gcps[name][0].sigma for name in enh]),
-        is_check=tuple(gcps[name][1] for name in enh),
-    )
-    return control, tuple(strange)
-
-
 # measurements
 
 
-def _marks(project: _Documents, rows: Mapping[str, int]) -> tuple[Measured, int]:
-    """Return the marks of control points and of manual tie points, and how many lie elsewhere."""
-    control = project.by_format.get("input-control-points")
-    if control is None:
-        return Measured(), 0
-    marks: list[tuple[int, str, Array]] = []
-    lost = 0
-    for kind in ("gcps", "mtps"):
-        listed = control.maybe(kind)
-        for point in listed.each() if listed is not None else ():
-            of_point = _marks_of(point)
-            marks += [(rows[n], name, colrow) for n, name, colrow in of_point if n in rows]
-            lost += sum(n not in rows for n, _, _ in of_point)
-    return Measured.of(marks, _calibrated_points(project)), lost
-
-
-def _marks_of(point: Node) -> list[tuple[str, str, Array]]:
-    """Return the camera's number, the point and the pixel of a point's marks."""
-    name, marks = point.one("id"), []
-    require_names([name.text()], lambda _, fault, wanted: name.wrong(fault, wanted))
-    seen = set()
-    for mark in point.one("marks").each():
-        number, position = mark.one("camera_id").text(), mark.one("position_px")
-        if number in seen:
-            raise mark.wrong(f"{name.text()} is twice in one camera", "must be there once")
-        seen.add(number)
-        colrow = position.numbers(2) - HALF
-        if np.abs(colrow).max() > RANGES["col_px"].high:
-            raise position.wrong("is too large", str(RANGES["col_px"]))
-        marks.append((number, name.text(), colrow))
-    return marks
-
-
-def _calibrated_points(project: _Documents) -> dict[str, Array]:
-    document = project.by_format.get("calibrated-control-points")
+def _points(
+    documents: _Documents,
+) -> tuple[dict[str, Node], dict[str, tuple[_Place, bool]]]:
+    """Return the points with marks, and the places of control points and whether they check."""
+    document = documents.by_format.get("input-control-points")
     if document is None:
-        return {}
-    return {
-        point.one("id").text(): point.one("coordinates").numbers(3, allowed=METRES)
-        for point in document.one("points").each()
+        return {}, {}
+    gcps = _by_id(document.one("gcps").each())
+    mtps = document.maybe("mtps")
+    points = _by_id([*gcps.values(), *(() if mtps is None else mtps.each())])
+    require_names(list(points), lambda name, fault, wanted: points[name].wrong(fault, wanted))
+    return points, {
+        name: (_place(gcp.one("geolocation")), _is_true(gcp.maybe("is_checkpoint")))
+        for name, gcp in gcps.items()
     }
+
+
+def _marks(
+    documents: _Documents, points: Mapping[str, Node], rows: Mapping[str, int]
+) -> tuple[Measured, int]:
+    """Return the marks of control points and of manual tie points, and how many lie elsewhere."""
+    marks: dict[tuple[str, str], Array] = {}
+    for name, point in points.items():
+        for mark in point.one("marks").each():
+            number, position = mark.one("camera_id").text(), mark.one("position_px")
+            if (number, name) in marks:
+                raise mark.wrong(f"{name} is twice in one camera", "must be there once")
+            marks[number, name] = position.numbers(2, allowed=RANGES["col_px"]) - HALF
+    seen = [(rows[i], name, colrow) for (i, name), colrow in marks.items() if i in rows]
+    calibrated = documents.by_format.get("calibrated-control-points")
+    nodes = {} if calibrated is None else _by_id(calibrated.one("points").each())
+    x_w = {i: one.one("coordinates").numbers(3, allowed=METRES) for i, one in nodes.items()}
+    return Measured.of(seen, x_w), len(marks) - len(seen)
 
 
 # tie points: a glTF file with its buffers, and matches as an extension. A point has a range of
@@ -862,75 +691,56 @@ COUNT_BITS = 40
 """Number of low bits of a range, below those with the number of its matches."""
 
 
-@dataclass(kw_only=True, eq=False)
-class _Scene:
-    """A glTF file, and the buffers that were read."""
-
-    root: Node
-    buffers: dict[str, bytes] = field(default_factory=dict)
-
-    def array(self, accessor: Node, *, width: int, kind: str) -> NDArray[Any]:
-        """Return the values of an accessor, shape (n, width), of a kind of NumPy: "f" or "u"."""
-        node = self.root.one("accessors", accessor.whole())
-        layout = COMPONENTS.get(node.one("componentType").whole(), "")
-        if WIDTHS.get(node.one("type").text()) != width or layout[1:2] != kind:
-            raise node.wrong(quoted(node.value), f"must be {width} values of kind {kind!r}")
-        view = self.root.one("bufferViews", node.one("bufferView").whole())
-        data = self._buffer(self.root.one("buffers", view.one("buffer").whole()).one("uri"))
-        first = view.maybe("byteOffset")
-        begin, n = 0 if first is None else first.whole(), node.one("count").whole()
-        size = n * width * np.dtype(layout).itemsize
-        if begin < 0 or n < 0 or begin + size > len(data):
-            raise node.wrong(f"{size} bytes from {begin} of {len(data)}", "must be complete")
-        values = np.frombuffer(data, dtype=layout, count=n * width, offset=begin)
-        return values.reshape(n, width)
-
-    def _buffer(self, uri: Node) -> bytes:
-        if uri.text() not in self.buffers:
-            folder = Path(self.root.source.file).parent
-            self.buffers[uri.text()] = safe.read(_inside(uri, folder)).data
-        return self.buffers[uri.text()]
+def _array(root: Node, accessor: Node, *, width: int, kind: str) -> NDArray[Any]:
+    """Return the values of an accessor, shape (n, width), of a kind of NumPy: "f" or "u"."""
+    node = root.one("accessors", accessor.whole())
+    layout = COMPONENTS.get(node.one("componentType").whole(), "")
+    if WIDTHS.get(node.one("type").text()) != width or layout[1:2] != kind:
+        raise node.wrong(quoted(node.value), f"must be {width} values of kind {kind!r}")
+    view = root.one("bufferViews", node.one("bufferView").whole())
+    uri = root.one("buffers", view.one("buffer").whole(), "uri")
+    data = safe.read(_file(uri, Path(root.source.file).parent)).data
+    first = view.maybe("byteOffset")
+    begin, n = 0 if first is None else first.whole(), node.one("count").whole()
+    size = n * width * np.dtype(layout).itemsize
+    if begin < 0 or n < 0 or begin + size > len(data):
+        raise node.wrong(f"{size} bytes from {begin} of {len(data)}", "must be complete")
+    values = np.frombuffer(data, dtype=layout, count=n * width, offset=begin)
+    return values.reshape(n, width)
 
 
 def _ties(root: Node, rows: Mapping[str, int]) -> tuple[Measured, int]:
     """Return the measurements of tie points, a point once in each image, and how many are left."""
-    scene, parts, first, lost = _Scene(root=root), [], 0, 0
+    parts, first, lost = [], 0, 0
     for node in root.one("nodes").each():
         mesh = node.maybe("mesh")
         if mesh is None:
             continue
         primitive = root.one("meshes", mesh.whole(), "primitives", 0)
-        matches = primitive.maybe("extensions", MATCHES)
-        if matches is None or matches.maybe("imagePoints") is None:
+        if primitive.maybe("extensions", MATCHES, "imagePoints") is None:
             continue
-        xyz = _positions(scene, node, primitive)
-        part, without = _matched(scene, matches, xyz, rows)
+        xyz = _array(root, primitive.one("attributes", "POSITION"), width=3, kind="f").astype(float)
+        matrix = node.maybe("matrix")
+        T = np.eye(4) if matrix is None else matrix.numbers(16).reshape(4, 4).T
+        xyz = (xyz @ T[:3, :3].T + T[:3, 3]) @ UPRIGHT.T
+        part, without = _matched(root, primitive.one("extensions", MATCHES), xyz, rows)
         parts.append(replace(part, points=tuple(f"t{first + k}" for k in range(len(xyz)))))
         first, lost = first + len(xyz), lost + without
     return joined(*parts), lost
 
 
-def _positions(scene: _Scene, node: Node, primitive: Node) -> Array:
-    """Return the points of a mesh in the processing system, shape (n, 3)."""
-    xyz = scene.array(primitive.one("attributes", "POSITION"), width=3, kind="f").astype(float)
-    matrix = node.maybe("matrix")
-    turn = np.eye(4) if matrix is None else matrix.numbers(16).reshape(4, 4).T
-    return (xyz @ turn[:3, :3].T + turn[:3, 3]) @ UPRIGHT.T
-
-
 def _matched(
-    scene: _Scene, matches: Node, xyz: Array, rows: Mapping[str, int]
+    root: Node, matches: Node, xyz: Array, rows: Mapping[str, int]
 ) -> tuple[Measured, int]:
     """Return the measurements of the points of one mesh, and how many are left out."""
     numbers = [uid.text() for uid in matches.one("cameraUids").each()]
-    camera = scene.array(matches.one("cameraIds"), width=1, kind="u")[:, 0]
+    camera = _array(root, matches.one("cameraIds"), width=1, kind="u")[:, 0]
     node = matches.one("imagePoints", "pixelCoordinates")
-    colrow = scene.array(node, width=2, kind="f").astype(float) - HALF
-    point, match = _ranges(scene, matches.one("pointIndexRanges"), len(xyz), len(camera))
+    colrow = _array(root, node, width=2, kind="f").astype(float) - HALF
+    point, match = _ranges(root, matches.one("pointIndexRanges"), len(xyz), len(camera))
     if len(camera) != len(colrow) or (len(camera) and camera.max() >= len(numbers)):
-        raise matches.wrong(
-            "its matches do not fit together", "must have a camera and a pixel each"
-        )
+        fault = "its matches do not fit together"
+        raise matches.wrong(fault, "must have a camera and a pixel each")
     if not (np.abs(colrow) <= RANGES["col_px"].high).all():
         raise node.wrong("a pixel is too large", str(RANGES["col_px"]))
     pairs = np.stack([point, camera[match]], axis=1)
@@ -947,10 +757,10 @@ def _matched(
 
 
 def _ranges(
-    scene: _Scene, accessor: Node, n_points: int, n_matches: int
+    root: Node, accessor: Node, n_points: int, n_matches: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the point and the place of every match that belongs to a point."""
-    pairs = scene.array(accessor, width=2, kind="u").astype(np.uint64)
+    pairs = _array(root, accessor, width=2, kind="u").astype(np.uint64)
     packed = pairs[:, 0] | (pairs[:, 1] << np.uint64(32))
     begin = (packed & np.uint64(2**COUNT_BITS - 1)).astype(np.int64)
     count = (packed >> np.uint64(COUNT_BITS)).astype(np.int64)

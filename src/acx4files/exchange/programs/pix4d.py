@@ -9,8 +9,7 @@ x right, y down, z ahead. ``*_offset.xyz`` is to be added to t. ``*_pmatrix.txt`
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -18,7 +17,7 @@ from typing import Annotated
 import numpy as np
 
 from acx4files.exchange import coordinates, safe
-from acx4files.exchange.coordinates import FLIP, Chosen, is_rotation, nearest_rotation, stacked
+from acx4files.exchange.coordinates import FLIP, Chosen, is_rotation, nearest_rotation
 from acx4files.exchange.flight_folder import ImportedFlight, number_of
 from acx4files.exchange.lens import OPENCV, WORST_PX, Lens, Pinhole
 from acx4files.exchange.options import (
@@ -41,7 +40,7 @@ from acx4files.exchange.project import (
     numbered,
     require_all_names,
 )
-from acx4files.exchange.safe import Line, Opened, refusal
+from acx4files.exchange.safe import Line, Opened, refusal, told
 from acx4files.flight.problems import METRES, PIXELS, RANGES, Range, quoted
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
@@ -105,26 +104,6 @@ class _Shot:
         return (*self.size, *self.K.ravel().tolist(), *self.coefficients)
 
 
-@dataclass(kw_only=True, eq=False)
-class _Folder:
-    """The files of a folder that are read, by the ends of their names."""
-
-    path: Path
-    read: list[Opened] = field(default_factory=list)
-
-    def maybe(self, end: str) -> Opened | None:
-        """Return the file with this end of its name; None where there is none."""
-        paths = sorted(path for path in self.path.iterdir() if _ends(path.name, end))
-        if not paths:
-            return None
-        if len(paths) > 1:
-            fault = f"has {', '.join(path.name for path in paths)}"
-            raise refusal(str(self.path), 1, "folder", fault, "must have the files of one project")
-        source = safe.read(paths[0])
-        self.read.append(source)
-        return source
-
-
 def project(source: Path, *, crs: str | None = None, heights: str | float | None = None) -> Project:
     """Return the folder params, or the one in a project's folder.
 
@@ -142,37 +121,44 @@ def project(source: Path, *, crs: str | None = None, heights: str | float | None
     FlightError
         For files that are not Pix4D's, of a fisheye, or of different projects.
     """
-    folder = _Folder(path=_folder(source))
-    parameters = folder.maybe(PARAMETERS)
-    if parameters is None:
-        expected = f"must hold *_{PARAMETERS} of Pix4D"
-        raise refusal(str(folder.path), 1, "folder", f"has no *_{PARAMETERS}", expected)
-    shots = list(_shots(parameters))
-    names, offset = _names(shots), _offset(folder.maybe(OFFSET))
-    T_w_c = stacked([_pose(shot, np.zeros(3) if offset is None else offset) for shot in shots])
-    matrices = _matrices(folder.maybe(MATRICES), shots)
-    compared = (
-        *_external(folder.maybe(EXTERNAL), shots, T_w_c, placed=offset is not None),
-        *_compared(shots, matrices),
-    )
-    system = _system(folder.maybe(SYSTEM), str(folder.path), crs, heights)
-    called, lenses = _lenses(parameters, shots, folder.maybe(INTERNAL))
-    shown = _shown(shots, [lenses[called[shot.lens]] for shot in shots], matrices, T_w_c)
+    files = _files(source)
+    parameters = files[PARAMETERS]
+    shots = _shots(parameters)
+    names = tuple(shot.name for shot in shots)
     require_all_names({"image": names}, parameters.wrong)
+    offset = _offset(files[OFFSET]) if OFFSET in files else None
+    T_w_c = Pose(
+        R=np.stack([shot.R.T @ FLIP for shot in shots]),
+        r=np.stack([shot.t for shot in shots]) + (np.zeros(3) if offset is None else offset),
+    )
+    called = numbered(shot.lens for shot in shots)
+    first = {shot.lens: shot for shot in reversed(shots)}
+    wide_mm = _sensor_mm(files[INTERNAL]) if INTERNAL in files and len(called) == 1 else 0.0
+    lenses = {name: _lens(parameters, first[lens], wide_mm) for lens, name in called.items()}
+    cameras = tuple(called[shot.lens] for shot in shots)
+    compared, shown = [], Measured()
+    if EXTERNAL in files:
+        compared.append(_compared(files[EXTERNAL], shots, T_w_c, placed=offset is not None))
+    if MATRICES in files:
+        sentence, shown = _matrices(
+            files[MATRICES], shots, [lenses[camera] for camera in cameras], T_w_c
+        )
+        compared += [sentence] if shown.points else []
+    system_file = files.get(SYSTEM)
+    text = "" if system_file is None else system_file.text().strip()
+    with told(partial((system_file or parameters).wrong, "crs"), "must be what a flight can have"):
+        system = coordinates.chosen(text, None, crs)
+    if system is not None and heights is not None:
+        system = replace(system, heights=heights)
     return Project(
         source="Pix4Dmapper",
-        sources=folder.read,
+        sources=files.values(),
         lenses=lenses,
-        images=Images(
-            names=names,
-            cameras=tuple(called[shot.lens] for shot in shots),
-            exposures=names,
-            T_w_c=T_w_c,
-        ),
+        images=Images(names=names, cameras=cameras, exposures=names, T_w_c=T_w_c),
         settings={} if system is None else system.settings,
         in_grid=_in_grid(parameters, system, placed=offset is not None),
         assumed=(*ASSUMED, *(system.assumed if system else ())),
-        found=compared,
+        found=tuple(compared),
         proofs=(Proof(whose="places in all images, by Pix4D's own matrices,", measured=shown),),
         left_out=("tie points: acx4 import bingo reads *_tp_bingo.txt of the same folder",),
     )
@@ -204,54 +190,56 @@ def read(
     FlightError
         As `project` and `flight_of`.
     """
-    return flight_of(
-        project(source, crs=crs, heights=heights),
-        orientations=orientations,
-        block=block,
-        allow=allow,
-    )
+    found = project(source, crs=crs, heights=heights)
+    return flight_of(found, orientations=orientations, block=block, allow=allow)
 
 
-def _folder(source: Path) -> Path:
-    if not source.is_dir():
-        return source.parent
-    inside = source / "1_initial" / "params"
-    return inside if inside.is_dir() else source
-
-
-def _ends(name: str, end: str) -> bool:
-    """Tell whether a name is an end alone, or the project's name with it."""
-    if end == PARAMETERS and name.endswith(EXTERNAL):
-        return False
-    return name == end or name.endswith(f"_{end}")
+def _files(source: Path) -> dict[str, Opened]:
+    """Return the files of a folder that are read, by the ends of their names."""
+    folder = source if source.is_dir() else source.parent
+    params = folder / "1_initial" / "params"
+    folder = params if params.is_dir() else folder
+    files: dict[str, Opened] = {}
+    for end in (PARAMETERS, OFFSET, MATRICES, EXTERNAL, SYSTEM, INTERNAL):
+        paths = [one for one in folder.iterdir() if one.name == end or one.name.endswith(f"_{end}")]
+        if len(paths) > 1:
+            fault = f"has {', '.join(sorted(path.name for path in paths))}"
+            raise refusal(str(folder), 1, "folder", fault, "must have the files of one project")
+        if paths:
+            files[end] = safe.read(paths[0])
+    if PARAMETERS not in files:
+        expected = f"must hold *_{PARAMETERS} of Pix4D"
+        raise refusal(str(folder), 1, "folder", f"has no *_{PARAMETERS}", expected)
+    return files
 
 
 # images
 
 
-def _shots(source: Opened) -> Iterator[_Shot]:
-    """Yield the images of the parameters."""
+def _shots(source: Opened) -> list[_Shot]:
+    """Return the images of the parameters."""
     rows = list(safe.lines(source))
     for row, known in zip(rows, HEAD, strict=False):
         if " ".join(row.cells) != known:
             expected = f"must be {quoted(known)}: a fisheye's parameters are not read"
             raise row.wrong("head", quoted(" ".join(row.cells)), expected)
-    rows = rows[len(HEAD) :]
-    if not rows:
+    shots: dict[str, _Shot] = {}
+    for k in range(len(HEAD), len(rows), 10):
+        shot = _shot(rows[k : k + 10])
+        if shot.name in shots:
+            raise shot.line.wrong("image", f"{quoted(shot.name)} is there twice", "must be once")
+        shots[shot.name] = shot
+    if not shots:
         raise source.wrong("file", "has no image", "must have one")
-    for k in range(0, len(rows), 10):
-        block = rows[k : k + 10]
-        if len(block) < 10:
-            count = f"{len(block)} lines of an image"
-            raise block[0].wrong("image", count, "must be ten; is the file cut off?")
-        yield _shot(block)
+    return list(shots.values())
 
 
 def _shot(rows: list[Line]) -> _Shot:
-    first = rows[0]
-    if len(first) < 3:
-        raise first.wrong("image", f"{len(first)} cells", "must be name, width, height")
-    n = len(first) - 2
+    first, n = rows[0], len(rows[0]) - 2
+    if len(rows) < 10 or n < 1:
+        fault = f"{len(rows)} lines, the first of {len(first)} cells"
+        expected = "must be ten, the first with name, width, height; is the file cut off?"
+        raise first.wrong("image", fault, expected)
     width, height = (int(first.number_at(n + k, "size", PIXELS)) for k in (0, 1))
     K = np.array([row.numbers(0, 3, "K", METRES) for row in rows[1:4]])
     for k in (0, 1):
@@ -274,36 +262,12 @@ def _shot(rows: list[Line]) -> _Shot:
     )
 
 
-def _names(shots: list[_Shot]) -> tuple[str, ...]:
-    seen: set[str] = set()
-    for shot in shots:
-        if shot.name in seen:
-            raise shot.line.wrong("image", f"{quoted(shot.name)} is there twice", "must be once")
-        seen.add(shot.name)
-    return tuple(shot.name for shot in shots)
-
-
-def _pose(shot: _Shot, offset: Array) -> Pose:
-    return Pose(R=shot.R.T @ FLIP, r=shot.t + offset)
-
-
-def _offset(source: Opened | None) -> Array | None:
-    if source is None:
-        return None
+def _offset(source: Opened) -> Array:
+    """Return what is to be added to positions, shape (3,)."""
     row = next(safe.lines(source), None)
     if row is None:
         raise source.wrong("offset", "is missing", "must be three numbers")
     return row.numbers(0, 3, "offset", METRES)
-
-
-def _lenses(
-    source: Opened, shots: list[_Shot], internal: Opened | None
-) -> tuple[Mapping[tuple[float, ...], str], dict[str, Lens]]:
-    """Return the names of cameras by their numbers, and the lenses."""
-    called = numbered(shot.lens for shot in shots)
-    first = {called[shot.lens]: shot for shot in reversed(shots)}
-    wide_mm = _sensor_mm(internal) if len(called) == 1 else 0.0
-    return called, {name: _lens(source, first[name], wide_mm) for name in called.values()}
 
 
 def _lens(source: Opened, shot: _Shot, wide_mm: float) -> Lens:
@@ -319,21 +283,17 @@ def _lens(source: Opened, shot: _Shot, wide_mm: float) -> Lens:
     )
 
 
-def _sensor_mm(internal: Opened | None) -> float:
-    """Return the width of the sensor by the .cam, mm; 0 without it."""
-    match = internal and re.search(r"sensor width of (\d{1,6}(?:\.\d{0,40})?)x", internal.text())
+def _sensor_mm(internal: Opened) -> float:
+    """Return the width of the sensor by the .cam, mm; 0 where it is not there."""
+    match = re.search(r"sensor width of (\d{1,6}(?:\.\d{0,40})?)x", internal.text())
     return float(match[1]) if match else 0.0
 
 
 # what the other files say
 
 
-def _external(
-    source: Opened | None, shots: list[_Shot], T_w_c: Pose, *, placed: bool
-) -> tuple[str, ...]:
+def _compared(source: Opened, shots: list[_Shot], T_w_c: Pose, *, placed: bool) -> str:
     """Compare positions and omega, phi, kappa with the parameters; return a sentence on it."""
-    if source is None:
-        return ()
     rows = list(safe.lines(source))
     if not rows or rows[0].cells != EXTERNAL_HEAD:
         raise source.wrong("head", "is another", f"must be {' '.join(EXTERNAL_HEAD)}")
@@ -353,116 +313,64 @@ def _external(
             raise row.wrong("orientation", fault, f"must be that of *_{PARAMETERS}")
         worst = np.maximum(worst, off)
     largest = f"{worst[0]:.2g} m and {worst[1]:.2g} degrees"
-    return (f"Omega, Phi, Kappa and positions of *_{EXTERNAL} are those of R and t to {largest}",)
+    return f"Omega, Phi, Kappa and positions of *_{EXTERNAL} are those of R and t to {largest}"
 
 
-def _matrices(source: Opened | None, shots: list[_Shot]) -> dict[int, Array]:
-    """Return the matrices of images by their numbers; each must be K [R | -R t]."""
-    if source is None:
-        return {}
+def _matrices(
+    source: Opened, shots: list[_Shot], lenses: list[Lens], T_w_c: Pose
+) -> tuple[str, Measured]:
+    """Compare matrices with K [R | -R t] by places in the rays of pixels all over each image.
+
+    Return a sentence on it, and the places with their pixels by the matrices and Pix4D's lens.
+    """
     by_name = {" ".join(row.cells[:-12]): row for row in safe.lines(source)}
-    matrices: dict[int, Array] = {}
+    seen: list[tuple[int, str, Array]] = []
+    places: dict[str, Array] = {}
+    count, worst = 0, 0.0
     for k, shot in enumerate(shots):
         if (row := by_name.get(shot.name)) is None:
             continue
-        matrices[k] = row.numbers(len(row) - 12, len(row), "matrix").reshape(3, 4)
-        apart = _apart(shot, matrices[k])
+        P = row.numbers(len(row) - 12, len(row), "matrix").reshape(3, 4)
+        across, down = (np.array([0.1, 0.5, 0.9]) * side for side in shot.size)
+        pixels = np.stack(np.meshgrid(across, down), axis=2).reshape(-1, 2)
+        rays = np.linalg.solve(shot.K, np.column_stack([pixels, np.ones(len(pixels))]).T)
+        x_w = (DISTANCE_M * shot.R.T @ rays).T + shot.t
+        with np.errstate(all="ignore"):  # what is not finite is far
+            u, v, w = P @ np.column_stack([x_w, np.ones(len(x_w))]).T
+            by_matrix = np.stack([u / w, v / w], axis=1)
+        apart = float(np.hypot(*(by_matrix - pixels).T).max())
         if not apart <= SAME_PX:
             fault = f"that of {quoted(shot.name)} is off by {apart:.3g} px"
             raise row.wrong("matrix", fault, f"must be K [R | -R t] of *_{PARAMETERS}")
-    return matrices
-
-
-def _compared(shots: list[_Shot], matrices: Mapping[int, Array]) -> tuple[str, ...]:
-    if not matrices:
-        return ()
-    worst = max(_apart(shots[k], P) for k, P in matrices.items())
-    count = number_of(len(matrices), "matrices")
-    return (f"{count} of *_{MATRICES} are K [R | -R t], to {worst:.2g} px in the images",)
-
-
-def _rays(shot: _Shot) -> tuple[Array, Array]:
-    """Return pixels all over an image, shape (9, 2), and places in their rays without the lens."""
-    width, height = shot.size
-    cols, rows = np.meshgrid(np.array([0.1, 0.5, 0.9]) * width, np.array([0.1, 0.5, 0.9]) * height)
-    pixels = np.column_stack([cols.ravel(), rows.ravel()])
-    rays = np.linalg.solve(shot.K, np.column_stack([pixels, np.ones(9)]).T)
-    return pixels, (DISTANCE_M * shot.R.T @ rays).T + shot.t
-
-
-def _seen(P: Array, x_w: Array) -> Array:
-    """Return the pixels of places by a matrix, shape (n, 2)."""
-    with np.errstate(all="ignore"):  # what is not finite is far
-        u, v, w = P @ np.column_stack([x_w, np.ones(len(x_w))]).T
-        return np.stack([u / w, v / w], axis=1)
-
-
-def _apart(shot: _Shot, P: Array) -> float:
-    """Return the largest distance, px, of pixels from their rays projected by a matrix."""
-    pixels, x_w = _rays(shot)
-    return float(np.hypot(*(_seen(P, x_w) - pixels).T).max())
-
-
-def _shown(
-    shots: list[_Shot], lenses: list[Lens], matrices: Mapping[int, Array], T_w_c: Pose
-) -> Measured:
-    """Return places, and their pixels by the matrices and Pix4D's lens."""
-    parts = []
-    for k, P in matrices.items():
-        _, x_w = _rays(shots[k])
-        points = np.column_stack([_seen(P, x_w), np.ones(len(x_w))]).T
-        ideal = np.linalg.solve(shots[k].K, points)[:2].T
-        parts.append((k, x_w + T_w_c.r[k] - shots[k].t, lenses[k].colrow(ideal)))
-    n = 9 * len(parts)
-    return Measured(
-        points=tuple(map(str, range(n))),
-        x_w=np.concatenate([np.zeros((0, 3)), *(x_w for _, x_w, _ in parts)]),
-        image_idx=np.repeat([k for k, _, _ in parts], 9).astype(int),
-        point_idx=np.arange(n),
-        colrow=np.concatenate([np.zeros((0, 2)), *(colrow for _, _, colrow in parts)]),
-    )
+        count, worst = count + 1, max(worst, apart)
+        ideal = np.linalg.solve(shot.K, np.column_stack([by_matrix, np.ones(len(x_w))]).T)[:2].T
+        names = [f"{k} {j}" for j in range(len(x_w))]
+        seen += zip([k] * len(names), names, lenses[k].colrow(ideal), strict=True)
+        places |= zip(names, x_w + T_w_c.r[k] - shot.t, strict=True)
+    agrees = f"are K [R | -R t], to {worst:.2g} px in the images"
+    return f"{number_of(count, 'matrices')} of *_{MATRICES} {agrees}", Measured.of(seen, places)
 
 
 # where it is
 
 
-def _system(
-    source: Opened | None, folder: str, crs: str | None, heights: str | float | None
-) -> Chosen | None:
-    """Return the flight's coordinate system; None where no file and no option says it."""
-    try:
-        system = coordinates.chosen("" if source is None else source.text().strip(), None, crs)
-    except ValueError as error:
-        file = folder if source is None else source.file
-        message = " ".join(str(error).split())
-        raise refusal(file, 1, "crs", message, "must be what a flight can have") from None
-    if system is None or heights is None:
-        return system
-    return Chosen(crs=system.crs, heights=heights, assumed=system.assumed, source=system.source)
-
-
 def _in_grid(parameters: Opened, system: Chosen | None, *, placed: bool) -> InGrid:
-    if system is None:
-        return nowhere(_lacks(parameters, f"no *_{SYSTEM} says the CRS", "give it by --crs"))
-    if not placed:
-        return nowhere(_lacks(parameters, f"*_{OFFSET} is not there", "must be beside it"))
+    def lacks(fault: str, cure: str) -> FlightError:
+        expected = f"{cure}, or --orientations none"
+        return parameters.wrong("crs", f"adjusted orientations: {fault}", expected)
 
+    if system is None:
+        return nowhere(lacks(f"no *_{SYSTEM} says the CRS", "give it by --crs"))
+    if not placed:
+        return nowhere(lacks(f"*_{OFFSET} is not there", "must be beside it"))
     if system.crs == LOCAL:
         return as_they_are
 
     def in_grid(T: Pose) -> tuple[Array, Array]:
-        try:
+        with told(lacks, "must be what a flight can have"):
             enh = coordinates.into(system, T.r)
-            plain = np.allclose(enh[:, :2], T.r[:, :2], atol=SAME_M, rtol=0)
-        except ValueError as error:
-            message = " ".join(str(error).split())
-            raise _lacks(parameters, message, "must be what a flight can have") from None
-        if not plain:
-            raise _lacks(parameters, f"its CRS is not {system.crs}", "give that of Pix4D's output")
+        if not np.allclose(enh[:, :2], T.r[:, :2], atol=SAME_M, rtol=0):
+            raise lacks(f"its CRS is not {system.crs}", "give that of Pix4D's output")
         return enh, T.opk
 
     return in_grid
-
-
-def _lacks(source: Opened, fault: str, cure: str) -> FlightError:
-    return source.wrong("crs", f"adjusted orientations: {fault}", f"{cure}, or --orientations none")

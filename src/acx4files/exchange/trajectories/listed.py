@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
 
 from acx4files.exchange.safe import Line, Opened, lines
-from acx4files.flight.problems import Range, did_you_mean, quoted
+from acx4files.flight.problems import Problem, Range, lines_of, quoted
 from acx4files.flight.tables import NUMBER, name_fault
 from acx4lib.errors import FlightError
-from acx4lib.expected import Array
+from acx4lib.expected import Array, Mask
 
 UNITS = {"deg": 1.0, "gon": 0.9, "grad": 0.9, "rad": float(np.degrees(1.0)), "arcmin": 1 / 60}
 """Of angles, in degrees."""
@@ -99,7 +99,7 @@ class Column:
     unit: str = ""
 
 
-def _column(word: str, known: Mapping[str, str] = KNOWN) -> Column | None:
+def _column(word: str, known: Mapping[str, str]) -> Column | None:
     """Return the column that a word means, such as ``omega``, ``kappa_gon``, ``x``; or None."""
     plain = re.sub(r"\s+", "_", word.strip().lower())
     for unit in UNITS:
@@ -114,21 +114,17 @@ def _column(word: str, known: Mapping[str, str] = KNOWN) -> Column | None:
     return Column(name=name) if name else None
 
 
-def _declared(text: str, known: Mapping[str, str] = KNOWN) -> tuple[Column, ...]:
+def _declared(source: Opened, text: str, known: Mapping[str, str]) -> tuple[Column, ...]:
     """Return the columns that a user declares: words with commas or spaces between."""
-    words = [word for word in re.split(r"[\s,;]+", text) if word]
     columns = []
-    for word in words:
+    for word in filter(None, re.split(r"[\s,;]+", text)):
         column = _column(word, known)
         if column is None:
-            words_known = ", ".join(dict.fromkeys(known.values()))
-            hint = did_you_mean(word.lower(), known)
-            raise ValueError(f"column {word!r} is not known{hint}; known are {words_known}")
+            expected = f"known are {', '.join(dict.fromkeys(known.values()))}"
+            raise source.wrong("--columns", f"column {word!r} is not known", expected)
+        if column.name != SKIP and column in columns:
+            raise source.wrong("--columns", f"column {column.name!r} stands twice", "must be once")
         columns.append(column)
-    times = Counter(columns)
-    twice = [column.name for column in times if column.name != SKIP and times[column] > 1]
-    if twice or not columns:
-        raise ValueError(f"column {twice[0]!r} stands twice" if twice else "no column is declared")
     return tuple(columns)
 
 
@@ -202,21 +198,88 @@ class Listed:
         k = self.at(name)
         return np.array([row.number_at(k, name, _NUMBER) for row in self.rows], dtype=float)
 
+    def unit(self, name: str, otherwise: str = "deg") -> str:
+        """Return the unit of an angle, one of `UNITS`, by its column or else the other."""
+        return self.columns[self.at(name)].unit or otherwise
+
+    def scaled(self, name: str, otherwise: str = "deg") -> Array:
+        """Return a column of angles in degrees."""
+        return self.numbers(name) * UNITS[self.unit(name, otherwise)]
+
+    def degrees(self, name: str, otherwise: str = "deg") -> Array:
+        """Return a column of angles in degrees, refused where one is more than a turn."""
+        values = self.scaled(name, otherwise)
+        expected = f"must be an angle in {self.unit(name, otherwise)}, within a turn"
+        self.refuse(name, np.abs(values) > 360, expected)
+        return values
+
     def names(self, name: str) -> list[str]:
         """Return a column of names that a flight may use."""
-        k = self.at(name)
-        return [_checked_name(row, row.cell(k, name), name) for row in self.rows]
+        cells = [(row, row.cell(self.at(name), name)) for row in self.rows]
+        for row, cell in cells:
+            if fault := name_fault(cell) if cell else ("is empty", "must be a name"):
+                raise row.wrong(name, *fault)
+        return [cell for _, cell in cells]
 
     def unique(self, name: str) -> list[str]:
         """Return a column of names that are all different."""
         names = self.names(name)
         first: dict[str, Line] = {}
         for row, cell in zip(self.rows, names, strict=True):
-            if cell in first:
-                fault = f"{quoted(cell)} stands in line {first[cell].number} already"
+            before = first.setdefault(cell, row)
+            if before is not row:
+                fault = f"{quoted(cell)} stands in line {before.number} already"
                 raise row.wrong(name, fault, "every one once")
-            first[cell] = row
         return names
+
+    @property
+    def is_located(self) -> bool:
+        """Whether it has a position in the grid, or a geographic one, with its height."""
+        return self.has("height") and (self.has("east", "north") or self.has("lat", "lon"))
+
+    @property
+    def said(self) -> str:
+        """Which columns it has, and by what."""
+        by = "declaration" if self.declared else "its heading"
+        return f"The columns, by {by}, are: {' '.join(column.name for column in self.columns)}"
+
+    def undeclared(self, fault: str, expected: str) -> FlightError:
+        """Return the error of wrong columns."""
+        line = self.heading.number if self.heading else 1
+        cure = f"{expected}; declare them by --columns"
+        return self.source.wrong("columns", fault, cure, line=line)
+
+    def require(self, *names: str, says: str) -> None:
+        """Refuse a list that lacks columns; `says` are all that it must have."""
+        for name in names:
+            if not self.has(name):
+                raise self.undeclared(f"have no {name}", f"must be {says}, in any order")
+
+    def problems(
+        self, name: str, wrong: Mask, expected: str, found: Callable[[int], str] | None = None
+    ) -> list[Problem]:
+        """Return a problem for each wrong row: what is found, else the cell, else the row."""
+        k_name = position_of(self.columns, name)
+
+        def cell(k: int) -> str:
+            cells = self.rows[k].cells
+            return quoted(" ".join(cells) if k_name is None else cells[k_name])
+
+        return [
+            Problem(
+                file=self.source.file,
+                line=self.rows[k].number,
+                column=name,
+                found=(found or cell)(k),
+                expected=expected,
+            )
+            for k in np.flatnonzero(wrong).tolist()
+        ]
+
+    def refuse(self, name: str, wrong: Mask, expected: str) -> None:
+        """Refuse a list that has wrong rows."""
+        if problems := self.problems(name, wrong, expected):
+            raise FlightError(lines_of(problems))
 
 
 def left_out(listed: Listed, what: str, known: Mapping[str, str] = KNOWN) -> tuple[str, ...]:
@@ -228,35 +291,21 @@ def left_out(listed: Listed, what: str, known: Mapping[str, str] = KNOWN) -> tup
     beyond = len(longest) - len(listed.columns)
     if beyond > 0:
         named.append(f"{beyond} after the last in line {longest.number}")
-    return (
-        *([f"Lines before the heading: {listed.before}."] if listed.before else []),
-        *(
-            [_unread_heading(listed.heading, listed.columns, known)]
-            if listed.declared and listed.heading
-            else []
-        ),
-        *([f"Columns that are no {what}: {', '.join(named)}."] if named else []),
-    )
-
-
-def _unread_heading(heading: Line, columns: Sequence[Column], known: Mapping[str, str]) -> str:
-    """Return a sentence on the unread heading over declared columns, and on contradictions."""
-    of_heading = (_column(cell, known) for cell in heading.cells)
-    others = [
-        f"{quoted(cell)} over {column.name}"
-        for cell, named, column in zip(heading.cells, of_heading, columns, strict=False)
-        if named and SKIP not in (named.name, column.name) and named.name != column.name
-    ]
-    against = f"; it contradicts the declared columns: {', '.join(others)}" if others else ""
-    return f"The heading in line {heading.number}, since the columns are declared{against}."
-
-
-def _checked_name(row: Line, name: str, element: str) -> str:
-    """Return a name, refused where a flight may not use it."""
-    fault = name_fault(name) if name else ("is empty", "must be a name")
-    if fault:
-        raise row.wrong(element, *fault)
-    return name
+    sentences = [f"Lines before the heading: {listed.before}."] if listed.before else []
+    if listed.declared and listed.heading:
+        others = [
+            f"{quoted(cell)} over {column.name}"
+            for cell, column in zip(heading, listed.columns, strict=False)
+            if (word := _column(cell, known)) is not None
+            and SKIP not in (word.name, column.name)
+            and word.name != column.name
+        ]
+        against = f"; it contradicts the declared columns: {', '.join(others)}" if others else ""
+        line = listed.heading.number
+        sentences.append(f"The heading in line {line}, since the columns are declared{against}.")
+    if named:
+        sentences.append(f"Columns that are no {what}: {', '.join(named)}.")
+    return tuple(sentences)
 
 
 def read_list(
@@ -290,11 +339,7 @@ def read_list(
     if not kept or len(kept) > MOST:
         raise source.wrong("file", f"has {len(kept)} rows", f"must have 1 to {MOST}")
     if columns:
-        try:
-            named = _declared(columns, known)
-        except ValueError as error:
-            fault, _, words = str(error).partition("; ")
-            raise source.wrong("--columns", fault, words or "every column once") from None
+        named = _declared(source, columns, known)
         heading = kept[0] if _is_heading(kept[0], named, numbers) else None
     else:
         heading, named = kept[0], _of_heading(kept[0], known)
@@ -302,11 +347,11 @@ def read_list(
     if not rows:
         raise source.wrong("file", "has a heading and no rows", "must have rows")
     numeric = {k for k, column in enumerate(named) if column.name not in TEXTS}
-    commas = _have_commas(rows, numeric)
+    rows, commas = _with_points(rows, numeric)
     return Listed(
         source=source,
         columns=named,
-        rows=tuple(_with_points(row, numeric) for row in rows) if commas else rows,
+        rows=rows,
         heading=heading,
         before=len(before),
         declared=bool(columns),
@@ -314,32 +359,29 @@ def read_list(
     )
 
 
-def _have_commas(rows: Sequence[Line], numeric: Container[int]) -> bool:
-    """Tell whether the numbers of rows have decimal commas: none has a point.
+def _with_points(rows: tuple[Line, ...], numeric: Container[int]) -> tuple[tuple[Line, ...], bool]:
+    """Return rows whose numbers have points for decimal commas, and whether they had commas.
 
-    At least one comma is no mark between thousands.
+    Numbers have them where none has a point, and at least one comma is no mark between thousands.
     """
-    with_comma = [
-        cell
+    cells = [cell for row in rows for k, cell in enumerate(row.cells) if k in numeric]
+    with_comma = [cell for cell in cells if "," in cell and ":" not in cell]
+    if (
+        not all(COMMA.fullmatch(cell) for cell in with_comma)
+        or any("." in cell and NUMBER.fullmatch(cell) for cell in cells)
+        or all(THOUSANDS.fullmatch(cell) for cell in with_comma)
+    ):
+        return rows, False
+    return tuple(
+        replace(
+            row,
+            cells=tuple(
+                cell.replace(",", ".") if k in numeric and COMMA.fullmatch(cell) else cell
+                for k, cell in enumerate(row.cells)
+            ),
+        )
         for row in rows
-        for k, cell in enumerate(row.cells)
-        if "," in cell and k in numeric and ":" not in cell
-    ]
-    if not with_comma or not all(COMMA.fullmatch(cell) for cell in with_comma):
-        return False
-    cells = (cell for row in rows for k, cell in enumerate(row.cells) if k in numeric)
-    if any("." in cell and NUMBER.fullmatch(cell) for cell in cells):
-        return False
-    return not all(THOUSANDS.fullmatch(cell) for cell in with_comma)
-
-
-def _with_points(row: Line, numeric: Container[int]) -> Line:
-    """Return a row whose numbers have decimal points in the place of commas."""
-    cells = (
-        cell.replace(",", ".") if k in numeric and COMMA.fullmatch(cell) else cell
-        for k, cell in enumerate(row.cells)
-    )
-    return replace(row, cells=tuple(cells))
+    ), True
 
 
 def text_said(listed: Listed) -> tuple[str, ...]:
@@ -387,13 +429,10 @@ def _is_heading(line: Line, columns: Sequence[Column], numbers: Sequence[str]) -
 def _of_heading(line: Line, known: Mapping[str, str]) -> tuple[Column, ...]:
     columns = [_column(cell, known) for cell in line.cells]
     named = [column for column in columns if column is not None and column.name != SKIP]
+    cure = "declare them by --columns, in their order"
     if len(named) < 2:
-        raise _undeclared(line, f"is no heading: {quoted(' '.join(line.cells))}")
+        raise line.wrong("columns", f"is no heading: {quoted(' '.join(line.cells))}", cure)
     ((name, times),) = Counter(column.name for column in named).most_common(1)
     if times > 1:
-        raise _undeclared(line, f"two columns may be {name!r}")
+        raise line.wrong("columns", f"two columns may be {name!r}", cure)
     return tuple(column or Column(name=SKIP) for column in columns)
-
-
-def _undeclared(line: Line, fault: str) -> FlightError:
-    return line.wrong("columns", fault, "declare them by --columns, in their order")

@@ -6,8 +6,8 @@ A text has declared columns or a heading that names them; that of Applanix has i
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import dropwhile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -22,24 +22,20 @@ from acx4files.exchange.trajectories.listed import (
     NUMBERS,
     SKIP,
     SURVEYED,
-    UNITS,
     Column,
     Listed,
     left_out,
-    position_of,
     read_list,
     text_said,
 )
-from acx4files.flight.problems import Problem, lines_of, quoted
+from acx4files.flight.problems import quoted
 from acx4files.flight.tables import SIGMA_ATTITUDE, SIGMA_POSITION
-from acx4lib.errors import FlightError
-from acx4lib.expected import Array
+from acx4lib.expected import Array, Mask
 from acx4lib.geometry import frames
 from acx4lib.geometry.geodesy import R_ENU_NED, R_FRD_FLU, GridSystem
 
 OPK, RPH = ("omega", "phi", "kappa"), ("roll", "pitch", "heading")
 GRID, GEOGRAPHIC = ("east", "north"), ("lat", "lon")
-TURN_DEG = 360.0
 METRES_A_DEGREE = 111_320.0
 AGREED_M = 1.0
 """Within this, and the last digit, positions in two forms must agree."""
@@ -77,86 +73,14 @@ class Meaning:
     ground_m: float | None = None
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Oriented:
-    """Positions and attitudes of a list, as far as it has them.
+def grid_system(source: Opened, meaning: Meaning, needed_by: str) -> GridSystem:
+    """Return the CRS and the heights of the flight.
 
-    Attributes
-    ----------
-    east_north, lonlat : ndarray, shape (n, 2), or None
-        Metres; degrees. One is there at least.
-    height : ndarray, shape (n,)
-    opk, rph : ndarray, shape (n, 3), or None
-        Radians. One of them is there, but for points.
+    Raises
+    ------
+    FlightError
+        Naming what needs it, where there is none, or it is no projected CRS in metres.
     """
-
-    east_north: Array | None
-    lonlat: Array | None
-    height: Array
-    opk: Array | None = None
-    rph: Array | None = None
-
-    def north(self, meaning: Meaning) -> str:
-        """Return against which north the attitudes are, ``grid`` or ``true``."""
-        return meaning.north or ("true" if self.opk is None else "grid")
-
-
-def _oriented(listed: Listed, meaning: Meaning) -> Oriented:
-    """Return the numbers of a list."""
-    forms = [form for form in (OPK, RPH) if listed.has(*form)]
-    if len(forms) != 1 or not _is_located(listed):
-        names = [column.name for column in listed.columns]
-        expected = (
-            "must have east north or lat lon, height, and omega phi kappa or roll pitch heading; "
-            "declare them by --columns"
-        )
-        raise _of_columns(listed, f"are {', '.join(names)}", expected)
-    angles = np.radians(np.stack([_degrees(listed, n, meaning.angle) for n in forms[0]], axis=-1))
-    located = _located(listed)
-    return replace(located, **{"opk" if forms[0] == OPK else "rph": angles})
-
-
-def _is_located(listed: Listed) -> bool:
-    """Tell whether a list has the columns of a position in the grid, or of a geographic one."""
-    return listed.has("height") and (listed.has(*GRID) or listed.has(*GEOGRAPHIC))
-
-
-def _located(listed: Listed) -> Oriented:
-    """Return the positions of a list that has them, without attitudes."""
-    lonlat = None
-    if listed.has(*GEOGRAPHIC):
-        lonlat = np.stack([_degrees(listed, name, "deg") for name in ("lon", "lat")], axis=-1)
-        _refuse_far(listed, lonlat)
-    east_north = None
-    if listed.has(*GRID):
-        east_north = np.stack([listed.numbers(name) for name in GRID], axis=-1)
-    return Oriented(east_north=east_north, lonlat=lonlat, height=listed.numbers("height"))
-
-
-def _trajectory(listed: Listed, oriented: Oriented, meaning: Meaning) -> dict[str, Any]:
-    """Return the columns of trajectory.csv but for the exposures.
-
-    Omega, phi, kappa against the grid stay what they are; all else becomes latitude, longitude,
-    roll, pitch and true heading.
-    """
-    if oriented.opk is not None:
-        R_a_b = _rotation(oriented.opk, meaning.order)
-        if oriented.north(meaning) == "grid":
-            table = _on_grid(listed, oriented, meaning, R_a_b)
-        else:
-            R_n_b = R_ENU_NED @ R_a_b @ R_FRD_FLU
-            table = _geographic(listed, oriented, meaning, frames.rph_from_rotation(R_n_b))
-    else:
-        rph = np.zeros((0, 3)) if oriented.rph is None else oriented.rph.copy()
-        if oriented.north(meaning) == "grid":
-            grid = _grid_system(listed.source, meaning, "a heading from grid north")
-            rph[:, 2] += grid.convergence(_lonlat_of(listed, oriented, meaning))
-        table = _geographic(listed, oriented, meaning, rph)
-    return table | _extras(listed, meaning)
-
-
-def _grid_system(source: Opened, meaning: Meaning, needed_by: str) -> GridSystem:
-    """Return the CRS and the heights of the flight."""
     if not meaning.crs:
         raise source.wrong("--crs", "is not given", f"{needed_by} need it, such as EPSG:32633")
     try:
@@ -180,7 +104,7 @@ def in_flight(source: Opened, meaning: Meaning, lonlat: Array, ellipsoidal: Arra
     """
     if meaning.heights == "ellipsoidal":
         return ellipsoidal
-    undulation = _grid_system(source, meaning, "ellipsoidal heights").undulation(lonlat)
+    undulation = grid_system(source, meaning, "ellipsoidal heights").undulation(lonlat)
     if not np.isfinite(undulation).all():
         k = int(np.flatnonzero(~np.isfinite(undulation))[0])
         fault = f"position {k + 1}, {lonlat[k, 1]:.5f} {lonlat[k, 0]:.5f},"
@@ -188,131 +112,136 @@ def in_flight(source: Opened, meaning: Meaning, lonlat: Array, ellipsoidal: Arra
     return ellipsoidal - undulation
 
 
-def _lonlat_of(listed: Listed, oriented: Oriented, meaning: Meaning) -> Array:
-    """Return longitude and latitude, deg, shape (n, 2), of east and north if it has both."""
-    if oriented.lonlat is not None and (oriented.east_north is None or not meaning.crs):
-        return oriented.lonlat
-    grid = _grid_system(listed.source, meaning, "east and north, and attitudes against true north")
-    return _reached(listed, grid.lonlat_from_grid(np.asarray(oriented.east_north)))
+class Oriented:
+    """Positions of a list, and attitudes if it has them, in the systems of the flight.
 
+    Attributes
+    ----------
+    listed : Listed
+    meaning : Meaning
+    east_north, lonlat : ndarray, shape (n, 2), or None
+        Metres; degrees. One is there at least.
+    angles : tuple of str
+        Omega, phi, kappa or roll, pitch, heading; none for points.
+    radians : ndarray, shape (n, 3)
+        Of these angles.
+    north : str
+        Against which north the attitudes are, ``grid`` or ``true``.
+    """
 
-def _apart(listed: Listed, oriented: Oriented, meaning: Meaning) -> float:
-    """Return the largest distance of the grid positions from the geographic ones, m."""
-    grid = _grid_system(listed.source, meaning, "positions in two forms")
-    off = grid.grid_from_lonlat(np.asarray(oriented.lonlat)) - np.asarray(oriented.east_north)
-    far = np.hypot(*off.T)
-    k_lat = listed.at("lat")
-    decimals = min(len(row.cells[k_lat].partition(".")[2]) for row in listed.rows)
-    allowed = AGREED_M + METRES_A_DEGREE * 10.0**-decimals
-    expected = f"must be within {allowed:.4g} m of lat, lon in {meaning.crs}; is --crs right?"
-    _refuse(listed, "east, north", ~(far <= allowed), expected)
-    return float(far.max())
+    def __init__(self, listed: Listed, meaning: Meaning, angles: tuple[str, ...] = ()) -> None:
+        self.listed, self.meaning, self.angles = listed, meaning, angles
+        self.lonlat: Array | None = None
+        if listed.has(*GEOGRAPHIC):
+            self.lonlat = np.stack([listed.degrees(name) for name in ("lon", "lat")], axis=-1)
+            wrong: Mask = np.abs(self.lonlat[:, 1]) > 90
+            listed.refuse("lat", wrong, "must lie between -90 and 90 degrees")
+        self.east_north: Array | None = None
+        if listed.has(*GRID):
+            self.east_north = np.stack([listed.numbers(name) for name in GRID], axis=-1)
+        degrees = [listed.degrees(name, meaning.angle) for name in angles]
+        self.radians: Array = np.radians(np.stack(degrees, axis=-1)) if angles else np.empty(0)
+        self.north = meaning.north or ("grid" if angles == OPK else "true")
 
+    def _grid(self, needed_by: str) -> GridSystem:
+        return grid_system(self.listed.source, self.meaning, needed_by)
 
-def _rotation(opk: Array, order: str) -> Array:
-    if order == "opk":
-        return frames.rotation_from_opk(opk)
-    omega, phi, kappa = opk.T
-    return frames.turn(1, phi) @ frames.turn(0, omega) @ frames.turn(2, kappa)
+    def _reached(self, values: Array) -> Array:
+        """Return transformed positions, refused where the CRS does not hold."""
+        wrong: Mask = np.asarray(~np.isfinite(values).all(axis=1))
+        self.listed.refuse("position", wrong, "must lie where the CRS holds")
+        return values
 
+    def geographic(self) -> Array:
+        """Return longitude and latitude, deg, shape (n, 2), of east and north if it has both."""
+        if self.lonlat is not None and (self.east_north is None or not self.meaning.crs):
+            return self.lonlat
+        grid = self._grid("east and north, and attitudes against true north")
+        return self._reached(grid.lonlat_from_grid(np.asarray(self.east_north)))
 
-def _on_grid(listed: Listed, oriented: Oriented, meaning: Meaning, R_g_b: Array) -> dict[str, Any]:
-    opk = np.degrees(frames.opk_from_rotation(R_g_b))
-    attitude = dict(zip(("omega_deg", "phi_deg", "kappa_deg"), np.round(opk, 9).T, strict=True))
-    return _in_grid(listed, oriented, meaning) | attitude
+    def in_grid(self) -> dict[str, Array]:
+        """Return east, north and height, columns of a flight's tables."""
+        east_north = self.east_north
+        if east_north is None:
+            grid = self._grid("latitude and longitude that become east and north")
+            east_north = self._reached(grid.grid_from_lonlat(np.asarray(self.lonlat)))
+        east, north = np.round(east_north, 5).T
+        return {"east_m": east, "north_m": north, "height_m": self.heights()}
 
+    def heights(self) -> Array:
+        """Return the heights in the system of the flight, unscaled, m, shape (n,)."""
+        height, meaning = self.listed.numbers("height"), self.meaning
+        if meaning.ground_m is not None:
+            scale = self._grid("heights with the scale of the map").scale(self.geographic())
+            height = meaning.ground_m + (height - meaning.ground_m) / scale
+        if meaning.ellipsoidal and meaning.heights != "ellipsoidal":
+            height = in_flight(self.listed.source, meaning, self.geographic(), height)
+        return np.round(height, 5)
 
-def _in_grid(listed: Listed, oriented: Oriented, meaning: Meaning) -> dict[str, Any]:
-    """Return east, north and height in the systems of the flight, columns of its tables."""
-    east_north = oriented.east_north
-    if east_north is None:
-        grid = _grid_system(
-            listed.source, meaning, "latitude and longitude that become east and north"
-        )
-        east_north = _reached(listed, grid.grid_from_lonlat(np.asarray(oriented.lonlat)))
-    east, north = np.round(east_north, 5).T
-    return {"east_m": east, "north_m": north} | _height(listed, oriented, meaning)
+    def trajectory(self) -> dict[str, Array]:
+        """Return the columns of trajectory.csv but for the exposures.
 
+        Omega, phi, kappa against the grid stay what they are; all else becomes latitude, longitude,
+        roll, pitch and true heading.
+        """
+        rph = self.radians.copy()
+        if self.angles == OPK:
+            omega, phi, kappa = self.radians.T
+            R_a_b = (
+                frames.rotation_from_opk(self.radians)
+                if self.meaning.order == "opk"
+                else frames.turn(1, phi) @ frames.turn(0, omega) @ frames.turn(2, kappa)
+            )
+            if self.north == "grid":
+                opk = np.round(np.degrees(frames.opk_from_rotation(R_a_b)), 9).T
+                names = ("omega_deg", "phi_deg", "kappa_deg")
+                return self.in_grid() | dict(zip(names, opk, strict=True)) | self.extras()
+            rph = frames.rph_from_rotation(R_ENU_NED @ R_a_b @ R_FRD_FLU)
+        elif self.north == "grid":
+            grid = self._grid("a heading from grid north")
+            rph[:, 2] += grid.convergence(self.geographic())
+        lon, lat = np.round(self.geographic(), 11).T
+        roll, pitch, heading = np.degrees(rph).T
+        table = {
+            "lat_deg": lat,
+            "lon_deg": lon,
+            "height_m": self.heights(),
+            "roll_deg": np.round(roll, 9),
+            "pitch_deg": np.round(pitch, 9),
+            "heading_deg": np.round(heading % 360, 9),
+        }
+        return table | self.extras()
 
-def _geographic(listed: Listed, oriented: Oriented, meaning: Meaning, rph: Array) -> dict[str, Any]:
-    lon, lat = np.round(_lonlat_of(listed, oriented, meaning), 11).T
-    angles = np.degrees(rph)
-    angles[:, 2] %= TURN_DEG
-    names = ("roll_deg", "pitch_deg", "heading_deg")
-    attitude = dict(zip(names, np.round(angles, 9).T, strict=True))
-    return {"lat_deg": lat, "lon_deg": lon} | _height(listed, oriented, meaning) | attitude
+    def extras(self) -> dict[str, Array]:
+        """Return times and standard deviations, where the list has them."""
+        listed = self.listed
+        table = {"time_s": listed.numbers("time")} if listed.has("time") else {}
+        for name in (*SIGMA_POSITION, *SIGMA_ATTITUDE):
+            word = name.rpartition("_")[0]
+            if listed.has(word):
+                table[name] = listed.numbers(word)
+                if name in SIGMA_ATTITUDE:
+                    table[name] = np.round(listed.scaled(word, self.meaning.angle), 9)
+        return table
 
+    def apart(self) -> float:
+        """Return the largest distance of the grid positions from the geographic ones, m.
 
-def _height(listed: Listed, oriented: Oriented, meaning: Meaning) -> dict[str, Array]:
-    """Return the heights in the system of the flight, unscaled."""
-    height = oriented.height
-    if meaning.ground_m is not None:
-        grid = _grid_system(listed.source, meaning, "heights with the scale of the map")
-        scale = grid.scale(_lonlat_of(listed, oriented, meaning))
-        height = meaning.ground_m + (height - meaning.ground_m) / scale
-    if meaning.ellipsoidal and meaning.heights != "ellipsoidal":
-        height = in_flight(listed.source, meaning, _lonlat_of(listed, oriented, meaning), height)
-    return {"height_m": np.round(height, 5)}
-
-
-def _extras(listed: Listed, meaning: Meaning) -> dict[str, Array]:
-    """Return times and standard deviations, where the list has them."""
-    table: dict[str, Array] = {}
-    if listed.has("time"):
-        table["time_s"] = listed.numbers("time")
-    for name in (*SIGMA_POSITION, *SIGMA_ATTITUDE):
-        word = name.rpartition("_")[0]
-        if listed.has(word):
-            values = listed.numbers(word)
-            if name in SIGMA_ATTITUDE:
-                values = np.round(values * UNITS[_unit(listed, word, meaning.angle)], 9)
-            table[name] = values
-    return table
-
-
-def _unit(listed: Listed, name: str, otherwise: str) -> str:
-    return listed.columns[listed.at(name)].unit or otherwise
-
-
-def _degrees(listed: Listed, name: str, otherwise: str) -> Array:
-    """Return an angle in degrees, refused where it is more than a turn."""
-    unit = _unit(listed, name, otherwise)
-    values = listed.numbers(name) * UNITS[unit]
-    _refuse(listed, name, np.abs(values) > TURN_DEG, f"must be an angle in {unit}, within a turn")
-    return values
-
-
-def _refuse_far(listed: Listed, lonlat: Array) -> None:
-    wrong = np.abs(lonlat[:, 1]) > TURN_DEG / 4
-    _refuse(listed, "lat", wrong, "must lie between -90 and 90 degrees")
-
-
-def _reached(listed: Listed, values: Array) -> Array:
-    wrong = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
-    _refuse(listed, "position", wrong, "must lie where the CRS holds")
-    return values
-
-
-def _refuse(listed: Listed, name: str, wrong: Any, expected: str) -> None:
-    rows, file = listed.rows, listed.source.file
-    position = position_of(listed.columns, name)
-    problems = [
-        Problem(
-            file=file,
-            line=rows[k].number,
-            column=name,
-            found=quoted(" ".join(rows[k].cells) if position is None else rows[k].cells[position]),
-            expected=expected,
-        )
-        for k in np.flatnonzero(wrong).tolist()
-    ]
-    if problems:
-        raise FlightError(lines_of(problems))
-
-
-def _of_columns(listed: Listed, fault: str, expected: str) -> FlightError:
-    line = listed.heading.number if listed.heading else 1
-    return listed.source.wrong("columns", fault, expected, line=line)
+        Raises
+        ------
+        FlightError
+            Where it is more than `AGREED_M` and the last digit.
+        """
+        grid = self._grid("positions in two forms")
+        off = grid.grid_from_lonlat(np.asarray(self.lonlat)) - np.asarray(self.east_north)
+        far = np.hypot(*off.T)
+        k_lat = self.listed.at("lat")
+        decimals = min(len(row.cells[k_lat].partition(".")[2]) for row in self.listed.rows)
+        allowed = AGREED_M + METRES_A_DEGREE * 10.0**-decimals
+        crs = self.meaning.crs
+        expected = f"must be within {allowed:.4g} m of lat, lon in {crs}; is --crs right?"
+        self.listed.refuse("east, north", ~(far <= allowed), expected)
+        return float(far.max())
 
 
 def settings(meaning: Meaning) -> dict[str, Any]:
@@ -332,14 +261,15 @@ def grid_file(meaning: Meaning) -> dict[str, Path]:
 def heights_said(meaning: Meaning) -> str:
     """Return the sentence on heights."""
     heights = meaning.heights
-    named = (
-        f"by {Path(heights).name}"
-        if isinstance(heights, str)
-        else f"by an undulation of {heights:g} m"
-    )
-    system = "ellipsoidal" if heights == "ellipsoidal" else named
-    if meaning.ellipsoidal and heights != "ellipsoidal":
-        system = f"ellipsoidal there, and {named} in the flight"
+    system = "ellipsoidal"
+    if heights != "ellipsoidal":
+        named = (
+            f"by {Path(heights).name}"
+            if isinstance(heights, str)
+            else f"by an undulation of {heights:g} m"
+        )
+        there = "ellipsoidal there, and {} in the flight" if meaning.ellipsoidal else "{}"
+        system = there.format(named)
     ground = (
         ""
         if meaning.ground_m is None
@@ -349,9 +279,6 @@ def heights_said(meaning: Meaning) -> str:
 
 
 # --- A text with a row for each image: its position and attitude, in declared columns
-
-
-NORTH = {"grid": "grid north", "true": "true north"}
 
 
 def read(  # noqa: PLR0913 options of a command
@@ -425,100 +352,81 @@ def _brought(
     says: tuple[str, ...] = (),
 ) -> ImportedFlight:
     """Return a list of orientations as a part of a flight; `says` are its own statements."""
-    oriented = _oriented(listed, meaning)
-    names = _names(listed)
-    table = {"exposure": names, **_trajectory(listed, oriented, meaning)}
-    tables: dict[str, Any] = {f"{block}/trajectory.csv": table}
+    forms = [form for form in (OPK, RPH) if listed.has(*form)]
+    if len(forms) != 1 or not listed.is_located:
+        expected = (
+            "must have east north or lat lon, height, and omega phi kappa or roll pitch heading"
+        )
+        raise listed.undeclared(f"are {', '.join(c.name for c in listed.columns)}", expected)
+    oriented = Oriented(listed, meaning, forms[0])
+    name = next((column for column in ("image", "exposure") if listed.has(column)), "")
+    names = listed.unique(name) if name else [str(k + 1) for k in range(len(listed.rows))]
+    tables: dict[str, Any] = {
+        f"{block}/trajectory.csv": {"exposure": names, **oriented.trajectory()}
+    }
     if camera or listed.has("camera"):
-        tables[f"{block}/images.csv"] = _images(listed, names, camera)
+        cameras = [camera] * len(names) if camera else listed.names("camera")
+        images = {"image": names, "camera": cameras, "exposure": names}
+        strips = {"strip": listed.names("strip")} if listed.has("strip") else {}
+        tables[f"{block}/images.csv"] = images | strips
     return ImportedFlight(
         source=source,
         sha256=safe.checksums([listed.source]),
         settings=settings(meaning),
         tables=tables,
         pictures=grid_file(meaning),
-        assumed=_assumed(listed, oriented, meaning, of),
-        found=(*_found(listed, oriented, meaning), *says),
+        assumed=(
+            f"{listed.said}; x counts east, y north{'' if name else '; exposures are numbered'}.",
+            *text_said(listed),
+            *_attitudes_said(oriented, of),
+            heights_said(meaning),
+        ),
+        found=(*_found(oriented), *says),
         left_out=left_out(listed, "orientation"),
     )
 
 
-def _names(listed: Listed) -> list[str]:
-    """Return the names of exposures: images, events, or else the numbers of the rows from 1."""
-    name = next((column for column in ("image", "exposure") if listed.has(column)), "")
-    return listed.unique(name) if name else [str(k + 1) for k in range(len(listed.rows))]
-
-
-def _images(listed: Listed, names: list[str], camera: str) -> dict[str, Any]:
-    cameras = [camera] * len(names) if camera else listed.names("camera")
-    table: dict[str, Any] = {"image": names, "camera": cameras, "exposure": names}
-    if listed.has("strip"):
-        table["strip"] = listed.names("strip")
-    return table
-
-
-def _assumed(listed: Listed, oriented: Oriented, meaning: Meaning, of: str) -> tuple[str, ...]:
-    columns = " ".join(column.name for column in listed.columns)
-    heading = "declaration" if listed.declared else "its heading"
-    numbered = "" if listed.has("image") or listed.has("exposure") else "; exposures are numbered"
-    unit = {listed.columns[listed.at(name)].unit or meaning.angle for name in _angles(oriented)}
-    north = NORTH[oriented.north(meaning)]
-    if oriented.opk is not None:
-        order = (
-            "Rx(omega) Ry(phi) Rz(kappa)"
-            if meaning.order == "opk"
-            else ("Ry(phi) Rx(omega) Rz(kappa)")
-        )
+def _attitudes_said(oriented: Oriented, of: str) -> tuple[str, str]:
+    """Return sentences on the attitudes, and on the body whose they are."""
+    listed, meaning = oriented.listed, oriented.meaning
+    units = ", ".join(sorted({listed.unit(name, meaning.angle) for name in oriented.angles}))
+    if oriented.angles == OPK:
+        pok = "Ry(phi) Rx(omega) Rz(kappa)"
+        order = "Rx(omega) Ry(phi) Rz(kappa)" if meaning.order == "opk" else pok
         attitude = (
-            f"Omega, phi, kappa in {', '.join(sorted(unit))}: R = {order} takes the axes of the "
-            f"{of} (x, y, up) to east, north, up; kappa is against {north}."
+            f"Omega, phi, kappa in {units}: R = {order} takes the axes of the {of} (x, y, up) to "
+            f"east, north, up; kappa is against {oriented.north} north."
         )
     else:
         attitude = (
-            f"Roll, pitch, heading in {', '.join(sorted(unit))}: forward-right-down against "
-            f"north-east-down; the heading is from {north}."
+            f"Roll, pitch, heading in {units}: forward-right-down against north-east-down; the "
+            f"heading is from {oriented.north} north."
         )
-    return (
-        f"The columns, by {heading}, are: {columns}; x counts east, y north{numbered}.",
-        *text_said(listed),
-        attitude,
-        _whose(of),
-        heights_said(meaning),
-    )
-
-
-def _whose(body: str) -> str:
-    if body == "imu":
-        return (
+    if of == "imu":
+        return attitude, (
             "Positions and attitudes are those of the IMU: no boresight, no lever arm is applied."
         )
-    return (
+    return attitude, (
         "Positions and attitudes are those of the camera, with another program's boresight and "
         "lever arm: the camera stands in the place of the IMU, and what is then estimated as "
         "boresight is a correction to that program's."
     )
 
 
-def _angles(oriented: Oriented) -> tuple[str, ...]:
-    return OPK if oriented.opk is not None else RPH
-
-
-def _found(listed: Listed, oriented: Oriented, meaning: Meaning) -> tuple[str, ...]:
-    lines = [f"Positions and attitudes: {len(listed.rows)}."]
-    angles = oriented.opk if oriented.opk is not None else oriented.rph
-    low, high = (
-        np.degrees(np.asarray(angles)).min(axis=0),
-        np.degrees(np.asarray(angles)).max(axis=0),
-    )
-    ranges = zip(_angles(oriented), low, high, strict=True)
-    lines.append("; ".join(f"{n} {a:.2f} to {b:.2f} deg" for n, a, b in ranges) + ".")
-    if oriented.east_north is not None and oriented.lonlat is not None and meaning.crs:
-        largest = _apart(listed, oriented, meaning)
-        lines.append(
-            f"East and north, and latitude and longitude in {meaning.crs}, differ by at most "
-            f"{largest:.3f} m."
+def _found(oriented: Oriented) -> list[str]:
+    degrees = np.degrees(oriented.radians)
+    ranges = zip(oriented.angles, degrees.min(axis=0), degrees.max(axis=0), strict=True)
+    said = [
+        f"Positions and attitudes: {len(degrees)}.",
+        "; ".join(f"{n} {low:.2f} to {high:.2f} deg" for n, low, high in ranges) + ".",
+    ]
+    crs = oriented.meaning.crs
+    if oriented.east_north is not None and oriented.lonlat is not None and crs:
+        said.append(
+            f"East and north, and latitude and longitude in {crs}, differ by at most "
+            f"{oriented.apart():.3f} m."
         )
-    return tuple(lines)
+    return said
 
 
 # --- Text exports of Applanix's POSPac: exterior orientations, or the trajectory at events
@@ -568,7 +476,7 @@ ANGLE = {"DEG": "deg", "GRAD": "gon", "GON": "gon", "RAD": "rad"}
 TURN = re.compile(r"(?:FIRST|SECOND|THIRD) ROTATION IS ABOUT THE \W?([XYZ])\W")
 """How a preamble states the sequence of rotations, mapping to image."""
 
-SEQUENCES = {"": "", "XYZ": "opk", "YXZ": "pok"}
+SEQUENCES = {"XYZ": "opk", "YXZ": "pok"}
 """Orders of `Meaning` by the axes that a preamble lists."""
 
 APPLIED = re.compile(r"(?:BORESIGHT|LEVER ARM) VALUES.*[1-9]")
@@ -587,23 +495,23 @@ def _pospac(source: Opened, meaning: Meaning, block: str, camera_name: str) -> I
     """
     heading, columns = _heading(source)
     listed = _listed(source, heading, columns)
-    preamble = _preamble(source, heading.number)
-    meaning = replace(meaning, angle=_angle_unit(source, listed.rows[0].number))
     names = {column.name for column in columns}
     camera = NEEDED[0] <= names
+    preamble, unit, order = _stated(source, heading.number, listed.rows[0].number, camera)
     applied = camera or any(APPLIED.match(line.upper()) for line in preamble)
-    order = _order(source, heading.number) if camera else ""
-    meaning = replace(meaning, order=order or meaning.order)
-    if ORTHOMETRIC in names:
-        if meaning.heights == "ellipsoidal":
-            expected = "needs --heights: a vertical CRS, a geoid grid file or a number"
-            raise heading.wrong("ORTHOMETRIC HEIGHT", "is no ellipsoidal height", expected)
-    else:
-        meaning = replace(meaning, ellipsoidal=True)
-    if not camera:  # a heading of POSPac is from true north
-        meaning = replace(meaning, north="true")
+    if ORTHOMETRIC in names and meaning.heights == "ellipsoidal":
+        expected = "needs --heights: a vertical CRS, a geoid grid file or a number"
+        raise heading.wrong("ORTHOMETRIC HEIGHT", "is no ellipsoidal height", expected)
+    meaning = replace(
+        meaning,
+        angle=unit,
+        order=order or meaning.order,
+        ellipsoidal=meaning.ellipsoidal or ORTHOMETRIC not in names,
+        north=meaning.north if camera else "true",  # a heading of POSPac is from true north
+    )
+    plain = [replace(c, name="height") if c.name == ORTHOMETRIC else c for c in listed.columns]
     return _brought(
-        _with_height(listed),
+        replace(listed, columns=tuple(plain)),
         meaning,
         block,
         camera_name,
@@ -625,11 +533,8 @@ def _heading(source: Opened) -> tuple[Line, tuple[Column, ...]]:
             line = Line(file=source.file, number=number, cells=(text,))
             unknown = re.findall(r"[A-Z]{2,}|\b[XYZ]\b", WORDS.sub("", upper))
             if unknown:
-                raise line.wrong(
-                    "heading",
-                    f"{quoted(unknown[0])} is not known",
-                    "declare the columns by --columns",
-                )
+                fault = f"{quoted(unknown[0])} is not known"
+                raise line.wrong("heading", fault, "declare the columns by --columns")
             first = {name: k for k, name in reversed([*enumerate(names)])}
             once = (name if first[name] == k else SKIP for k, name in enumerate(names))
             return line, tuple(Column(name=name) for name in once)
@@ -641,11 +546,8 @@ def _heading(source: Opened) -> tuple[Line, tuple[Column, ...]]:
 
 def _listed(source: Opened, heading: Line, columns: tuple[Column, ...]) -> Listed:
     """Return the rows after the heading; a first column ID that all rows lack is dropped."""
-    rows: list[Line] = []
-    for line in lines(source):
-        are_units = not rows and line.cells[0].startswith("(")
-        if line.number > heading.number and not are_units:
-            rows.append(line)
+    after = (line for line in lines(source) if line.number > heading.number)
+    rows = list(dropwhile(lambda line: line.cells[0].startswith("("), after))
     if not rows:
         raise source.wrong("file", "has a heading and no rows", "must have rows")
     text = source.text().split("\n")
@@ -655,60 +557,43 @@ def _listed(source: Opened, heading: Line, columns: tuple[Column, ...]) -> Liste
     else:
         plain = (" ".join(row.cells).replace(",", " ").split() for row in rows)
         rows = [replace(row, cells=tuple(cells)) for row, cells in zip(rows, plain, strict=True)]
-    if columns[0].name == "image" and all(_lacks_id(row, columns) for row in rows):
-        rows = [replace(row, cells=row.cells[len(row.cells) == len(columns) :]) for row in rows]
+    n = len(columns)
+    if columns[0].name == "image" and all(
+        len(row) == n - 1 or (len(row) == n and not row.cells[0]) for row in rows
+    ):
+        rows = [replace(row, cells=row.cells[len(row) == n :]) for row in rows]
         columns = columns[1:]
     for row in rows:
         if len(row) != len(columns):
-            count = f"has {len(row)} cells"
-            raise row.wrong(
-                "row", count, f"must have {len(columns)}, as the heading of line {heading.number}"
-            )
+            expected = f"must have {len(columns)}, as the heading of line {heading.number}"
+            raise row.wrong("row", f"has {len(row)} cells", expected)
     return Listed(source=source, columns=columns, rows=tuple(rows), heading=heading)
 
 
-def _lacks_id(row: Line, columns: tuple[Column, ...]) -> bool:
-    return len(row) == len(columns) - 1 or (len(row) == len(columns) and not row.cells[0])
+def _stated(
+    source: Opened, heading: int, first_row: int, camera: bool
+) -> tuple[list[str], str, str]:
+    """Return the preamble, the unit of attitudes, and the order of omega and phi by it.
 
-
-def _with_height(listed: Listed) -> Listed:
-    columns = tuple(
-        Column(name="height") if column.name == ORTHOMETRIC else column for column in listed.columns
-    )
-    return replace(listed, columns=columns)
-
-
-def _preamble(source: Opened, before: int) -> list[str]:
-    text = (" ".join(line.split()) for line in source.text().split("\n")[: before - 1])
-    return [line[:200] for line in text if re.search(r"\w", line)][:MOST_PREAMBLE]
-
-
-def _angle_unit(source: Opened, before: int) -> str:
-    """Return the unit of attitudes by the line in brackets, degrees where there is none."""
-    for number, text in enumerate(source.text().split("\n")[: before - 1], start=1):
+    The unit is that of the line in brackets, else degrees. The order is empty where none is stated.
+    """
+    preamble, unit, axes = [], "", ""
+    for number, text in enumerate(source.text().split("\n")[: first_row - 1], start=1):
         upper = text.upper()
-        if "POSITION IN" not in upper:
-            continue
-        if not re.search(r"POSITION IN M", upper):
-            raise source.wrong("units", quoted(text.strip()), "must be metres", line=number)
-        unit = re.search(r"ORIENTATION(?: ANGLES)?(?: AND SD)? IN (DEG|GRAD|GON|RAD)", upper)
-        if unit is None:
-            expected = "must state degrees, grads or radians"
-            raise source.wrong("units", quoted(text.strip()), expected, line=number)
-        return ANGLE[unit[1]]
-    return "deg"
-
-
-def _order(source: Opened, before: int) -> str:
-    """Return the order of omega, phi, kappa in the preamble; empty where it states none."""
-    axes = ""
-    for number, text in enumerate(source.text().split("\n")[: before - 1], start=1):
-        if turn := TURN.search(text.upper()):
+        if "POSITION IN" in upper and not unit:
+            found = re.search(r"ORIENTATION(?: ANGLES)?(?: AND SD)? IN (DEG|GRAD|GON|RAD)", upper)
+            if found is None or "POSITION IN M" not in upper:
+                expected = "must be metres, and degrees, grads or radians"
+                raise source.wrong("units", quoted(text.strip()), expected, line=number)
+            unit = ANGLE[found[1]]
+        if number < heading and re.search(r"\w", text):
+            preamble.append(" ".join(text.split())[:200])
+        if camera and number < heading and (turn := TURN.search(upper)):
             axes += turn[1]
             if not any(known.startswith(axes) for known in SEQUENCES):
                 expected = "must be about x, y, z or y, x, z"
                 raise source.wrong("rotations", quoted(text.strip()), expected, line=number)
-    return SEQUENCES.get(axes, "")
+    return preamble[:MOST_PREAMBLE], unit or "deg", SEQUENCES.get(axes, "")
 
 
 # --- Texts with a row for each point: measured in an image, or surveyed; in declared columns
@@ -745,8 +630,20 @@ def measured(
     FlightError
         With file and line; for a point that stands twice in an image, too.
     """
-    every = [_measured(path, columns) for path in sources]
-    _refuse_twice(every)
+    every = [
+        read_list(safe.of_windows(safe.read(path)), columns, numbers=("col", "row"), known=MEASURED)
+        for path in sources
+    ]
+    first_of: dict[tuple[str, str], Line] = {}
+    for listed in every:
+        listed.require("point", "image", "col", "row", says="point image col row")
+        pairs = zip(listed.names("image"), listed.names("point"), strict=True)
+        for row, (image, point) in zip(listed.rows, pairs, strict=True):
+            before = first_of.setdefault((image, point), row)
+            if before is not row:
+                place = f"line {before.number}" + f" of {before.file}" * (before.file != row.file)
+                fault = f"{quoted(point)} stands in image {quoted(image)} in {place} already"
+                raise row.wrong("point", fault, "must stand once in an image")
     images = [name for listed in every for name in listed.names("image")]
     points = [name for listed in every for name in listed.names("point")]
     colrow = np.concatenate(
@@ -768,7 +665,7 @@ def measured(
         sha256=safe.checksums([listed.source for listed in every]),
         tables=tables,
         assumed=(
-            *dict.fromkeys(_columns_said(listed) for listed in every),
+            *dict.fromkeys(" ".join([f"{one.said}.", *text_said(one)]) for one in every),
             "Columns count to the right and rows down, in pixels; the middle of the first pixel is "
             f"{first}, {first}.",
         ),
@@ -781,13 +678,6 @@ def measured(
             line for listed in every for line in left_out(listed, "measurement", MEASURED)
         ),
     )
-
-
-def _measured(path: Path, columns: str) -> Listed:
-    source = safe.of_windows(safe.read(path))
-    listed = read_list(source, columns, numbers=("col", "row"), known=MEASURED)
-    _require(listed, "point", "image", "col", "row", says="point image col row")
-    return listed
 
 
 def surveyed(
@@ -821,12 +711,13 @@ def surveyed(
     meaning = Meaning(crs=crs, heights=system, ellipsoidal=ellipsoidal)
     text = safe.of_windows(safe.read(source))
     listed = read_list(text, columns, numbers=PLACES, known=SURVEYED)
-    _require(listed, "point", says="point east north height")
-    if not _is_located(listed):
-        raise _lacks(listed, "no position", "point east north height")
-    located = _located(listed)
-    table = {"point": listed.unique("point"), **_in_grid(listed, located, meaning)}
-    table |= _extras(listed, meaning)
+    listed.require("point", says="point east north height")
+    if not listed.is_located:
+        expected = "must be point east north height, in any order"
+        raise listed.undeclared("have no position", expected)
+    located = Oriented(listed, meaning)
+    table: dict[str, Any] = {"point": listed.unique("point"), **located.in_grid()}
+    table |= located.extras()
     if listed.has("role") or role:
         table["role"] = _roles(listed, role or "")
     n_check = sum(use == "check" for use in table.get("role", ()))
@@ -837,7 +728,7 @@ def surveyed(
         tables={"control_points.csv": table},
         pictures=grid_file(meaning),
         assumed=(
-            _columns_said(listed) + " x counts east, y north.",
+            " ".join([f"{listed.said}.", *text_said(listed), "x counts east, y north."]),
             heights_said(meaning),
         ),
         found=(
@@ -848,45 +739,12 @@ def surveyed(
     )
 
 
-def _require(listed: Listed, *names: str, says: str) -> None:
-    missing = [name for name in names if not listed.has(name)]
-    if missing:
-        raise _lacks(listed, f"no {missing[0]}", says)
-
-
-def _lacks(listed: Listed, fault: str, says: str) -> Exception:
-    line = listed.heading.number if listed.heading else 1
-    expected = f"must be {says}, in any order; declare them by --columns"
-    return listed.source.wrong("columns", f"have {fault}", expected, line=line)
-
-
-def _refuse_twice(every: Sequence[Listed]) -> None:
-    first: dict[tuple[str, str], Line] = {}
-    for listed in every:
-        pairs = zip(listed.names("image"), listed.names("point"), strict=True)
-        for row, (image, point) in zip(listed.rows, pairs, strict=True):
-            if (image, point) in first:
-                before = first[image, point]
-                place = f"line {before.number}" + f" of {before.file}" * (before.file != row.file)
-                fault = f"{quoted(point)} stands in image {quoted(image)} in {place} already"
-                raise row.wrong("point", fault, "must stand once in an image")
-            first[image, point] = row
-
-
 def _roles(listed: Listed, otherwise: str) -> list[str]:
     if not listed.has("role"):
         return [otherwise] * len(listed.rows)
     k = listed.at("role")
-    roles = []
-    for row in listed.rows:
-        cell = row.cell(k, "role")
+    cells = [(row, row.cell(k, "role")) for row in listed.rows]
+    for row, cell in cells:
         if cell.lower() not in ROLES:
             raise row.wrong("role", quoted(cell), "must be control or check")
-        roles.append(ROLES[cell.lower()] or otherwise)
-    return roles
-
-
-def _columns_said(listed: Listed) -> str:
-    names = " ".join(column.name for column in listed.columns)
-    by = "declaration" if listed.declared else "its heading"
-    return " ".join([f"The columns, by {by}, are: {names}.", *text_said(listed)])
+    return [ROLES[cell.lower()] or otherwise for _, cell in cells]

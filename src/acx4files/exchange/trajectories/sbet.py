@@ -15,12 +15,12 @@ from acx4files.exchange.flight_folder import ImportedFlight
 from acx4files.exchange.options import Block, Camera, Columns, Crs, HeightsOfFlight, Option
 from acx4files.exchange.safe import Line, Opened, records
 from acx4files.exchange.trajectories import orientations
-from acx4files.exchange.trajectories.listed import Listed, position_of, read_list, text_said
+from acx4files.exchange.trajectories.listed import Listed, read_list, text_said
 from acx4files.exchange.trajectories.orientations import Meaning
-from acx4files.flight.problems import Problem, Range, lines_of, quoted
+from acx4files.flight.problems import Range, lines_of, quoted
 from acx4files.flight.tables import SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.errors import FlightError
-from acx4lib.expected import Array, Index, Mask
+from acx4lib.expected import Array, Index
 from acx4lib.geometry import frames
 
 ROUNDED = 1.01
@@ -31,6 +31,11 @@ SLACK_S = 2.0
 
 FAITHFUL_MS, FAITHFUL = 0.5, 0.1
 """Largest difference of velocities from changes of position: m/s, or a share of the speed."""
+
+STRAIGHT = (
+    "Velocities: they differ from the changes of position by {:.2f} m/s; positions are on straight "
+    "lines between records."
+)
 
 
 # --- Time bases of events, and their place on the clock of a trajectory
@@ -78,153 +83,112 @@ def read(  # noqa: PLR0913 options of a command
         seconds are given, or an event lies outside the trajectory or in a gap.
     """
     track = read_track(safe.read(source))
-    listed = _read_events(safe.of_windows(safe.read(events)), columns=columns, base=time)
+    listed, names, weeks, seconds = _events(safe.of_windows(safe.read(events)), columns, time)
     if len(track.time) < 2:
         raise track.source.wrong("file", "has one record", "must have two at least")
-    t = _on_clock(listed.stamps, track.time, ahead=_ahead(listed, time, leap_seconds))
-    _refuse_outside(track, listed, t)
-    spread = read_deviations(safe.read(smrmsg)) if smrmsg else None
-    if spread is not None:
-        _refuse_without_deviation(spread, listed, t)
-    meaning = Meaning(crs=crs, heights="ellipsoidal" if heights is None else heights)
-    table, faithful, off, speed = _table(track, listed, spread, t, meaning)
-    tables = {f"{block}/trajectory.csv": table}
-    if camera:
-        images = {"image": listed.names, "camera": [camera] * len(t)}
-        tables[f"{block}/images.csv"] = images | {"exposure": listed.names}
-    sources = [track.source, listed.listed.source, *([spread.source] if spread else [])]
-    return ImportedFlight(
-        source="SBET at events",
-        sha256=safe.checksums(sources),
-        settings=orientations.settings(meaning),
-        tables=tables,
-        pictures=orientations.grid_file(meaning),
-        assumed=_assumed(listed, meaning, time, leap_seconds),
-        found=_found(track, spread, t, off, speed),
-        left_out=_left_out(spread, faithful=faithful, off=off),
-    )
-
-
-def _ahead(listed: _Events, time: str, leap_seconds: float | None) -> float:
-    """Return the seconds by which the trajectory's clock is ahead of the clock of the events."""
-    if not _is_utc(time):
-        return 0.0
-    if leap_seconds is None:
+    is_utc = time in (UTC_SOW, ISO, ISO_UTC)
+    if is_utc and leap_seconds is None:
         fault = "are UTC, those of the trajectory GPS time"
         expected = "needs --leap-seconds, 18 since 2017; or declare --time"
-        raise listed.listed.source.wrong("times", fault, expected)
-    return leap_seconds
-
-
-def _refuse_outside(track: Track, listed: _Events, t: Array) -> None:
-    first, last = track.time[[0, -1]].tolist()
-    file = Path(track.source.file).name
-    between = _between(track.time, t)
-    outside = (t < first) | (t > last)
-    usual = float(np.median(np.diff(track.time)))
-    largest = max(LARGEST_GAP_S, usual)
-    gap = ~outside & (between.interval > ROUNDED * largest)
-    places = f"must lie between {first:.3f} and {last:.3f} s, of {file}"
-    problems = _problems(listed, outside, lambda k: f"is {t[k]:.3f} s", places)
-    cure = f"must be at most {largest:g} s; usual are {usual:.3g} s"
-    problems += _problems(
-        listed, gap, lambda k: f"lies in a gap of {between.interval[k]:.3f} s", cure
-    )
-    if problems:
-        raise FlightError(lines_of(problems))
-
-
-def _refuse_without_deviation(spread: Deviations, listed: _Events, t: Array) -> None:
-    first, last = (spread.time[[0, -1]] + [-SLACK_S, SLACK_S]).tolist()
-    name = Path(spread.source.file).name
-    places = f"must lie between {first:.3f} and {last:.3f} s, of {name}"
-    outside = (t < first) | (t > last)
-    problems = _problems(listed, outside, lambda k: f"is {t[k]:.3f} s", places)
-    if problems:
-        raise FlightError(lines_of(problems))
-
-
-def _problems(listed: _Events, where: Mask, describe: Any, expected: str) -> list[Problem]:
-    rows, file = listed.listed.rows, listed.listed.source.file
-    return [
-        Problem(file=file, line=rows[k].number, column="time", found=describe(k), expected=expected)
-        for k in np.flatnonzero(where).tolist()
-    ]
-
-
-def _table(
-    track: Track, listed: _Events, spread: Deviations | None, t: Array, meaning: Meaning
-) -> tuple[dict[str, Any], bool, float, float]:
-    """Return the trajectory, whether velocities serve, their misfit and the speed, m/s."""
-    between = _between(track.time, t)
+        raise listed.source.wrong("times", fault, expected)
+    t = _on_clock(weeks, seconds + (leap_seconds or 0.0) * is_utc, track.time)
+    between = Between.of(track.time, t)
+    spread = read_deviations(safe.read(smrmsg)) if smrmsg else None
+    _refuse_outside(track, spread, listed, t, between)
+    meaning = Meaning(crs=crs, heights="ellipsoidal" if heights is None else heights)
     off, speed = _velocity_misfit(track, between)
     faithful = off <= max(FAITHFUL_MS, FAITHFUL * speed)
     lonlath = _positions(track, between, by_velocity=faithful)
-    rph = np.degrees(_attitudes(track, between))
     height = orientations.in_flight(track.source, meaning, lonlath[:, :2], lonlath[:, 2])
+    roll, pitch, heading = np.round(np.degrees(_attitudes(track, between)), 9).T
     table: dict[str, Any] = {
-        "exposure": listed.names,
+        "exposure": names,
         "lat_deg": np.round(lonlath[:, 1], 11),
         "lon_deg": np.round(lonlath[:, 0], 11),
         "height_m": np.round(height, 5),
-        **dict(zip(("roll_deg", "pitch_deg", "heading_deg"), np.round(rph, 9).T, strict=True)),
+        "roll_deg": roll,
+        "pitch_deg": pitch,
+        "heading_deg": heading,
         "time_s": np.round(t, 7),
     }
     if spread is not None:
-        sigma = np.round(_deviations(spread, t), 7)
-        table |= dict(zip((*SIGMA_POSITION, *SIGMA_ATTITUDE), sigma.T, strict=True))
-    return table, faithful, off, speed
-
-
-def _assumed(
-    listed: _Events, meaning: Meaning, time: str, leap_seconds: float | None
-) -> tuple[str, ...]:
-    columns = " ".join(column.name for column in listed.listed.columns)
-    heading = "" if listed.listed.heading is None else "; its first line is a heading"
-    shift = f", and GPS time is {leap_seconds:g} s ahead of UTC" if _is_utc(time) else ""
-    return (
-        f"The trajectory counts seconds of the week in GPS time; the times of the events are {time}"
-        f"{shift}; they are placed in the nearest week.",
-        f"The columns of the list of events are: {columns}{heading}.",
-        *text_said(listed.listed),
-        "True heading is platform heading minus wander angle; roll, pitch and heading are forward-"
-        "right-down against north-east-down.",
-        "Positions are those of the point to which the SBET refers, taken for the IMU; latitude "
-        "and longitude are of the datum of the flight's CRS.",
-        orientations.heights_said(replace(meaning, ellipsoidal=True)),
+        for name, sigma in zip((*SIGMA_POSITION, *SIGMA_ATTITUDE), spread.sigma.T, strict=True):
+            table[name] = np.round(np.interp(t, spread.time, sigma), 7)
+    tables = {f"{block}/trajectory.csv": table}
+    if camera:
+        cameras = [camera] * len(t)
+        tables[f"{block}/images.csv"] = {"image": names, "camera": cameras, "exposure": names}
+    shift = f", and GPS time is {leap_seconds:g} s ahead of UTC" if is_utc else ""
+    return ImportedFlight(
+        source="SBET at events",
+        sha256=safe.checksums([track.source, listed.source, *([spread.source] if spread else [])]),
+        settings=orientations.settings(meaning),
+        tables=tables,
+        pictures=orientations.grid_file(meaning),
+        assumed=(
+            "The trajectory counts seconds of the week in GPS time; the times of the events are "
+            f"{time}{shift}; they are placed in the nearest week.",
+            "The columns of the list of events are: "
+            f"{' '.join(column.name for column in listed.columns)}"
+            f"{'; its first line is a heading' if listed.heading else ''}.",
+            *text_said(listed),
+            "True heading is platform heading minus wander angle; roll, pitch and heading are "
+            "forward-right-down against north-east-down.",
+            "Positions are those of the point to which the SBET refers, taken for the IMU; "
+            "latitude and longitude are of the datum of the flight's CRS.",
+            orientations.heights_said(replace(meaning, ellipsoidal=True)),
+        ),
+        found=_found(track, spread, len(t), off, speed),
+        left_out=(
+            "Accelerations and rates of turn of the SBET: attitudes turn evenly between records.",
+            *([] if faithful else [STRAIGHT.format(off)]),
+            "Standard deviations of velocities; correlations are not in the SMRMSG."
+            if spread
+            else "No SMRMSG was given: the standard deviations are those of [apriori].",
+        ),
     )
 
 
 def _found(
-    track: Track, spread: Deviations | None, t: Array, off: float, speed: float
+    track: Track, spread: Deviations | None, n: int, off: float, speed: float
 ) -> tuple[str, ...]:
     interval = np.diff(track.time)
-    lines = [
-        f"{len(t)} events in {len(track.time)} records of the SBET, {np.median(interval):.4g} s "
+    said = (
+        f"{n} events in {len(track.time)} records of the SBET, {np.median(interval):.4g} s "
         f"apart, at most {interval.max():.4g} s.",
         f"Velocities, turned by the wander angle, and changes of position differ by {off:.3f} m/s "
         f"(median over the events) at {speed:.2f} m/s.",
-    ]
-    if spread is not None:
-        lines.append(
-            f"Standard deviations from {len(spread.time)} records of the SMRMSG, linear between "
-            "them; of angles in arc minutes there."
-        )
-    return tuple(lines)
-
-
-def _left_out(spread: Deviations | None, *, faithful: bool, off: float) -> tuple[str, ...]:
-    lines = ["Accelerations and rates of turn of the SBET: attitudes turn evenly between records."]
-    if not faithful:
-        lines.append(
-            f"Velocities: they differ from the changes of position by {off:.2f} m/s; positions "
-            "are on straight lines between records."
-        )
+    )
     if spread is None:
-        lines.append("No SMRMSG was given: the standard deviations are those of [apriori].")
-    else:
-        lines.append("Standard deviations of velocities; correlations are not in the SMRMSG.")
-    return tuple(lines)
+        return said
+    return (
+        *said,
+        f"Standard deviations from {len(spread.time)} records of the SMRMSG, linear between them; "
+        "of angles in arc minutes there.",
+    )
+
+
+def _refuse_outside(
+    track: Track, spread: Deviations | None, listed: Listed, t: Array, between: Between
+) -> None:
+    """Refuse events outside the records of a file, or in a gap of the trajectory."""
+    problems = []
+    files = [(track.source, track.time, 0.0)]
+    files += [(spread.source, spread.time, SLACK_S)] if spread else []
+    for source, time, slack in files:
+        first, last = time[0] - slack, time[-1] + slack
+        places = f"must lie between {first:.3f} and {last:.3f} s, of {source.name}"
+        outside = (t < first) | (t > last)
+        problems += listed.problems("time", outside, places, lambda k: f"is {t[k]:.3f} s")
+    usual = float(np.median(np.diff(track.time)))
+    largest = max(LARGEST_GAP_S, usual)
+    gap = (between.share >= 0) & (between.share <= 1) & (between.interval > ROUNDED * largest)
+    cure = f"must be at most {largest:g} s; usual are {usual:.3g} s"
+    problems += listed.problems(
+        "time", gap, cure, lambda k: f"lies in a gap of {between.interval[k]:.3f} s"
+    )
+    if problems:
+        raise FlightError(lines_of(problems))
 
 
 # --- SBET and SMRMSG, the smoothed trajectory of Applanix's POSPac and its standard deviations
@@ -233,26 +197,12 @@ def _left_out(spread: Deviations | None, *, faithful: bool, off: float) -> tuple
 # turned by the wander angle from north; its y points west where x points north, and its z up.
 
 
-SBET = np.dtype(
-    [
-        (name, "<f8")
-        for name in (
-            *("time", "lat", "lon", "height", "vx", "vy", "vz", "roll", "pitch", "heading"),
-            *("wander", "ax", "ay", "az", "wx", "wy", "wz"),
-        )
-    ]
-)
+_OF_SBET = "time lat lon height vx vy vz roll pitch heading wander ax ay az wx wy wz"
+SBET = np.dtype([(name, "<f8") for name in _OF_SBET.split()])
 """Of one record: s of week, rad, m, m/s, m/s^2, rad/s."""
 
-SMRMSG = np.dtype(
-    [
-        (name, "<f8")
-        for name in (
-            *("time", "north", "east", "down", "v_north", "v_east", "v_down"),
-            *("roll", "pitch", "heading"),
-        )
-    ]
-)
+_OF_SMRMSG = "time north east down v_north v_east v_down roll pitch heading"
+SMRMSG = np.dtype([(name, "<f8") for name in _OF_SMRMSG.split()])
 """Of one record: s of week, m, m/s, arc minutes."""
 
 LIMITS = {
@@ -397,12 +347,12 @@ class Between:
     share: Array
     interval: Array
 
-
-def _between(times: Array, t: Array) -> Between:
-    """Return where times lie between increasing ones, two at least; outside: the end interval."""
-    before = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
-    interval = times[before + 1] - times[before]
-    return Between(before=before, share=(t - times[before]) / interval, interval=interval)
+    @classmethod
+    def of(cls, times: Array, t: Array) -> Between:
+        """Return where times lie between increasing ones, two at least; outside: the end's."""
+        before = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
+        interval = times[before + 1] - times[before]
+        return cls(before=before, share=(t - times[before]) / interval, interval=interval)
 
 
 def _positions(track: Track, between: Between, *, by_velocity: bool) -> Array:
@@ -438,13 +388,6 @@ def _attitudes(track: Track, between: Between) -> Array:
     return np.column_stack([rph[:, :2], rph[:, 2] % (2 * np.pi)])
 
 
-def _deviations(deviations: Deviations, t: Array) -> Array:
-    """Return standard deviations at times, linear between records, shape (n, 6)."""
-    return np.stack(
-        [np.interp(t, deviations.time, column) for column in deviations.sigma.T], axis=-1
-    )
-
-
 def _velocity_misfit(track: Track, between: Between) -> tuple[float, float]:
     """Return how much velocities and changes of position differ, and the speed; medians, m/s."""
     rows = np.unique(between.before)
@@ -460,7 +403,6 @@ def _velocity_misfit(track: Track, between: Between) -> tuple[float, float]:
 
 WEEK_SOW = "gps-week-sow"
 ISO, ISO_UTC, ISO_GPS = "iso-8601", "iso-8601-utc", "iso-8601-gps"
-BASES = (GPS_SOW, UTC_SOW, WEEK_SOW, ISO, ISO_UTC, ISO_GPS)
 """Seconds of the GPS week in GPS time or UTC, the former with the week; dates with their zone, or
 without one in UTC or GPS time."""
 
@@ -469,24 +411,6 @@ SECONDS = Range(0.0, WEEK_S + 86_400.0, "must be seconds of the week, 0 to 60480
 WEEKS = Range(0, 100_000, "must be the GPS week, a whole number", whole=True)
 FIRST_DAY = dt.datetime(1980, 1, 6, tzinfo=dt.UTC)
 """When GPS weeks began."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Stamps:
-    """Times of events: seconds of the week, and GPS weeks, NaN where not stated, shape (n,)."""
-
-    seconds: Array
-    weeks: Array
-
-
-def _stamp(line: Line, base: str, *, time: int, week: int | None) -> tuple[float, float]:
-    """Return the GPS week, NaN if not stated, and the seconds of the week of one event."""
-    if base.startswith(ISO):
-        return _of_date(line, base, line.cell(time, "time"))
-    seconds = line.number_at(time, "time", SECONDS)
-    if base == WEEK_SOW and week is not None:
-        return line.number_at(week, "week", WEEKS), seconds
-    return np.nan, seconds
 
 
 def _of_date(line: Line, base: str, cell: str) -> tuple[float, float]:
@@ -507,41 +431,28 @@ def _of_date(line: Line, base: str, cell: str) -> tuple[float, float]:
     return float(week), 86_400.0 * day + since.seconds + 1e-6 * since.microseconds
 
 
-def _is_utc(base: str) -> bool:
-    """Tell whether a base is UTC, and not GPS time."""
-    return base in (UTC_SOW, ISO, ISO_UTC)
-
-
 def _continued(times: Array) -> Array:
     """Return seconds of the week that count on through the end of a week."""
     falls = np.diff(times, prepend=times[:1]) < -WEEK_S / 2
     return times + WEEK_S * np.cumsum(falls)
 
 
-def _on_clock(stamps: _Stamps, times: Array, *, ahead: float) -> Array:
-    """Return the times of events on the clock of a trajectory."""
-    seconds = stamps.seconds + ahead  # by leap seconds, where one counts UTC and the other GPS
+def _on_clock(weeks: Array, seconds: Array, times: Array) -> Array:
+    """Return the times of events on the clock of a trajectory, whose week no file says."""
     nearest = np.round((times[[0, -1]].mean() - seconds) / WEEK_S)
-    dated: Mask = np.isfinite(stamps.weeks)
-    if dated.all() and len(seconds):
-        nearest = stamps.weeks - stamps.weeks[0] + nearest[0]
+    if np.isfinite(weeks).all():
+        nearest = weeks - weeks[0] + nearest[0]
     return np.asarray(seconds + WEEK_S * nearest, dtype=float)
 
 
 # --- A list of events: names of images, and when they were exposed
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Events:
-    """Exposures with their names and times."""
+def _events(source: Opened, columns: str, base: str) -> tuple[Listed, list[str], Array, Array]:
+    """Return the events of a text: their list, names, GPS weeks, seconds of the week.
 
-    listed: Listed
-    names: list[str]
-    stamps: _Stamps
-
-
-def _read_events(source: Opened, *, columns: str, base: str) -> _Events:
-    """Return the events of a text."""
+    Weeks are NaN where none is stated.
+    """
     listed = read_list(source, columns, numbers=("time", "week"))
     name = next((column for column in ("exposure", "image") if listed.has(column)), "")
     needed = ("time", "week") if base == WEEK_SOW else ("time",)
@@ -549,11 +460,17 @@ def _read_events(source: Opened, *, columns: str, base: str) -> _Events:
     if missing:
         raise source.wrong("columns", f"{missing[0]!r} is missing", f"--time {base} needs it")
     if listed.has("week") and base != WEEK_SOW:
-        raise source.wrong(
-            "columns", "'week' is there", f"needs --time {WEEK_SOW}; or declare skip"
-        )
-    week = position_of(listed.columns, "week")
-    pairs = [_stamp(row, base, time=listed.at("time"), week=week) for row in listed.rows]
-    weeks, seconds = np.array(pairs, dtype=float).T
-    stamps = _Stamps(seconds=seconds, weeks=weeks)
-    return _Events(listed=listed, names=listed.unique(name), stamps=stamps)
+        expected = f"needs --time {WEEK_SOW}; or declare skip"
+        raise source.wrong("columns", "'week' is there", expected)
+    k_time, k_week = listed.at("time"), listed.at("week")
+    stamps = []
+    for row in listed.rows:
+        if base.startswith(ISO):
+            stamps.append(_of_date(row, base, row.cell(k_time, "time")))
+        else:
+            seconds = row.number_at(k_time, "time", SECONDS)
+            is_dated = base == WEEK_SOW
+            week = row.number_at(k_week, "week", WEEKS) if is_dated else float("nan")
+            stamps.append((week, seconds))
+    weeks, seconds_of = np.array(stamps, dtype=float).T
+    return listed, listed.unique(name), weeks, seconds_of

@@ -96,10 +96,10 @@ EXTERNAL = "p_calibrated_external_camera_parameters.txt"
 
 ROWS = [
     ("colmap", "cameras.txt", "OPENCV", "EQUIRECTANGULAR", "cameras.txt:2: camera: lens model 'EQ"),
-    ("colmap", "cameras.txt", "2 OPENCV", "1 OPENCV", ":3: CAMERA_ID: 1 is there twice"),
+    ("colmap", "cameras.txt", "2 OPENCV", "1 OPENCV", ":3: camera: camera 1 is there twice"),
     ("colmap", "cameras.txt", "-0.05 ", "-5 ", "cameras.txt:2: camera: camera 1: lens: expected a"),
     ("colmap", "images.txt", "20.5 -1", "20.5 0.5", "POINT3D_ID: is not whole"),
-    ("colmap", "rigs.txt", "CAMERA 1", "IMU 1", "REF_SENSOR_TYPE: 'IMU'; must be CAMERA"),
+    ("colmap", "rigs.txt", "CAMERA 1", "IMU 1", "rig: reference sensor 'IMU'; must be CAMERA"),
     ("metashape", "c.xml", "<f>1450.0</f>", "<fx>1.0</fx>", "calibration: has <fx>: PhotoScan"),
     ("metashape", "c.xml", "<f>1450.0</f>", "<f>-3</f>", "f: '-3'; must be positive"),
     ("metashape", "c.xml", 'label="P3"', 'label="P2"', "marker label: 'P2' is there twice"),
@@ -127,7 +127,13 @@ ROWS = [
     ("opf tracks", GLTF, "positions.bin", "../x.bin", "must lie below the project's folder"),
     ("opensfm", "reconstruction.json", '"shots"', '"shot"', "0: 'shots' is missing"),
     ("opensfm", "reconstruction.json", '"0.jpg"', '"=1"', "image: '=1' would be computed"),
-    ("opensfm", "reconstruction.json", '"brown"', '"spherical"', "has rays in all directions"),
+    (
+        "opensfm",
+        "reconstruction.json",
+        '"brown"',
+        '"spherical"',
+        "'spherical'; must be one of perspective",
+    ),
     ("opensfm", "reconstruction.json", '"focal_x": 0.9', '"focal_x": 0', "divided by the longer"),
     ("opensfm", "tracks.csv", "VERSION_v2", "VERSION_v9", "tracks.csv:1: version: 'OPENSFM_TRACKS"),
     ("opensfm", "tracks.csv", "\t0.01\t1\t2\t3\t-1\t-1", "", ""),
@@ -155,11 +161,18 @@ ROWS = [
         "<ModGrid></ModGrid>",
         "ModGrid: distortion 'ModGrid'; must be ModNoDist",
     ),
+    (
+        "micmac",
+        DOWN,
+        "<Externe>",
+        "<Interne/><Externe>",
+        "Interne: a calibration in an orientation",
+    ),
     ("micmac", AUTOCAL, "<F>1000</F>", "", "<F> is missing"),
     ("micmac", AUTOCAL, "<F>1000</F>", "<F>-5</F>", "F: '-5'; must be a focal length in pixels"),
     ("micmac", "measured.xml", "<NamePt>T<", "<NamePt>P<", "'P' stands twice in 'a.JPG'"),
     ("micmac", "points.xml", "<Pt>10 20 0", "<Pt>10 20 nan", "Pt: '10 20 nan'; must be 3 numbers"),
-    ("mmvii", CALIB, '"Stenope"', '"EquiRect"', "Projection: 'EquiRect'; must be one of Stenope"),
+    ("mmvii", CALIB, '"Stenope"', '"EquiRect"', "Projection: 'EquiRect'; must be Stenope, the"),
     ("mmvii", CALIB, "<b2>", "<y2>1</y2><b2>", "y2: 1; must be 0; K1 to K6, p1, p2, b1, b2 are"),
     (
         "mmvii",
@@ -179,7 +192,7 @@ ROWS = [
     ("odm", "gcp_list.txt", "EPSG:32610", "WGS84 UTM 99N", ":1: CRS: 'WGS84 UTM 99N': "),
     ("odm", "gcp_list.txt", "EPSG:32610", "+proj=utm +zone=10 +nadgrids=/etc/passwd", "passwd"),
     ("odm", "gcp_list.txt", GCP_LIST, "EPSG:32610\n", ":1: file: has no point after the CRS"),
-    ("odm", "gcp_list.txt", "4 5 a x", "4 5,5 a x", ":2: row: '5,5'; must be a finite number"),
+    ("odm", "gcp_list.txt", "4 5 a x", "4 5,5 a x", ":2: col, row: '5,5'; must be a finite number"),
 ]
 
 

@@ -64,48 +64,6 @@ def test_a_distortion_takes_ideal_pixels_to_measured_ones(tmp_path, model):
     assert_allclose(np.stack([col, row], axis=1), COLROW, atol=1e-8)
 
 
-FISHEYES = {
-    "eModele_FishEye_10_5_5": lambda a: a,
-    "eModele_EquiSolid_FishEye_10_5_5": lambda a: 2 * np.sin(a / 2),
-    "eModele_Stereographik_FishEye_10_5_5": lambda a: 2 * np.tan(a / 2),
-}
-
-
-@pytest.mark.parametrize("kind", FISHEYES)
-def test_a_fisheye_is_that_of_the_formulas(tmp_path, kind):
-    """Centre c, state s, K1, K2, the two terms of x (3x² + y²) and of r⁴, b1, x²y and y³ in y."""
-    values = np.zeros(50)
-    values[[0, 1, 2, 3, 12, 13, 15, 22, 23]] = [
-        510,
-        390,
-        -0.05,
-        0.01,
-        1e-3,
-        -2e-3,
-        3e-3,
-        4e-3,
-        5e-3,
-    ]
-    values[[24, 30]] = [0.02, -0.03]
-    params = "".join(f"<Params>{one!r}</Params>" for one in values.tolist())
-    model = f"<ModUnif><TypeModele>{kind}</TypeModele>{params}<Etats>900</Etats></ModUnif>"
-    calibration = projects_micmac.CALIBRATION.format(model=model)
-    folder = projects_micmac.write(tmp_path / "m", **{"Ori-A/AutoCal_C.xml": calibration})
-    ideal = np.array([[0.5, -0.4], [-0.3, 0.35], [0.02, 0.01]])
-    at = (1000 * ideal + [500, 400] - [510, 390]) / 900
-    r = np.hypot(*at.T)
-    x, y = (at * (FISHEYES[kind](np.arctan(r)) / r)[:, None]).T
-    r2 = x * x + y * y
-    dx = x * (-0.05 * r2 + 0.01 * r2**2) + 1e-3 * (3 * x * x + y * y) - 2e-3 * 2 * x * y
-    dy = y * (-0.05 * r2 + 0.01 * r2**2) + 1e-3 * 2 * x * y - 2e-3 * (x * x + 3 * y * y)
-    dx += 3e-3 * r2 * 4 * x * y + 4e-3 * x + 5e-3 * y
-    dy += 3e-3 * r2 * (r2 + 4 * y * y) + 5e-3 * x + 0.02 * x**3 - 0.03 * y**3
-    seen = 900 * np.stack([x + dx, y + dy], axis=1) + [510, 390]
-    lens = micmac.project(folder).lenses["C"]
-    assert_allclose(lens.colrow(ideal), seen, atol=1e-9)
-    assert_allclose(lens.ideal(seen), ideal, atol=1e-9)
-
-
 def test_a_camera_that_looks_down_has_the_librarys_axes(folder):
     pose = micmac.project(folder).images.T_w_c[0]
     assert_allclose(pose.R, np.eye(3))
