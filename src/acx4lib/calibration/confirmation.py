@@ -113,7 +113,7 @@ def confirmations(bundle: Bundle) -> list[Confirmation]:
     and D (D - Q)^-1 d is the difference that the other observations alone would have.
     """
     block, calibration = bundle.network.block, from_bundle(bundle)
-    convergence = _convergence(block)
+    convergence = abs(_convergence(block))
     outcomes = zip(parameters(calibration), is_determined(calibration), strict=True)
     determined = {(p.camera, p.key) for p, good in outcomes if good}
     out: list[Confirmation] = []
@@ -130,7 +130,9 @@ def confirmations(bundle: Bundle) -> list[Confirmation]:
             cov = propagate(R, calibration.cov[np.ix_(columns[3:], columns[3:])])
             d = told.T_b_c.R @ log(told.T_b_c.R.T @ R)
             d, p = _by_the_others(d, cov, prior.boresight_sigma)
-            out += _boresight(name, d, p, prior.boresight_declared, convergence)
+            kappa_seen = max(LEAST_CONVERGENCE, SIGMAS * float(sigmas(cov)[2]))
+            gamma = convergence if convergence > kappa_seen else np.nan
+            out += _boresight(name, d, p, prior.boresight_declared, gamma)
     return out
 
 
@@ -186,17 +188,16 @@ def _lever_arm(
 def _boresight(
     camera: str, d: Array, p: float, declared: Mask, convergence: float
 ) -> Iterator[Confirmation]:
-    """Yield the comparison of a boresight, radians."""
+    """Yield the comparison of a boresight, radians; NaN for a convergence that is not seen."""
     if not declared.any():
         return
     mistake, degrees = "", np.degrees(d)
-    tilts = np.linalg.norm(d[:2])  # of a rough mounting, as large as kappa
-    is_seen = declared[2] and abs(convergence) > max(LEAST_CONVERGENCE, tilts) and not p >= ALPHA
-    if is_seen and abs(abs(d[2]) - abs(convergence)) < NORTHS * abs(convergence):
-        gamma = np.degrees(abs(convergence))
+    is_rough = np.linalg.norm(d[:2]) >= convergence  # turned about x or y by as much
+    is_off = declared[2] and abs(abs(d[2]) - convergence) < NORTHS * convergence
+    if is_off and not is_rough and not p >= ALPHA:
         mistake = (
-            f"kappa by about the meridian convergence, {gamma:.2f}°: is the heading read "
-            "against true or grid north?"
+            f"kappa by about the meridian convergence, {np.degrees(convergence):.2f}°: is the "
+            "heading read against true or grid north?"
         )
     yield Confirmation(
         camera=camera,
