@@ -720,22 +720,30 @@ def _pixel_mm(tags: Tags) -> float | None:
     return float(f"{size:.6g}")
 
 
-def _calibrated(tags: Tags) -> Stated:
-    """Return the camera that MicaSense and Parrot write, after the specification of Pix4D.
+def focal_px(tags: Tags, pixel: float) -> float:
+    """Return the focal length of `FOCAL` in pixels; older firmware has pixels there, newer mm.
 
-    Older firmware has pixels in `FOCAL`, newer mm.
+    Raises
+    ------
+    FlightError
+        Where `UNITS` contradicts the size of the number.
     """
-    pixel = _pixel_needed(tags)
-    value, stated = tags.numbers(FOCAL, 1)[0], tags.text(UNITS).lower()
+    value, unit = tags.numbers(FOCAL, 1)[0], tags.text(UNITS).lower()
     is_px = value > PX_OF_WIDTH * tags.width_px
-    if stated and (stated == "mm") == is_px:
-        raise tags.wrong(FOCAL, f"{value:g} {stated}", "cannot be the focal length in this unit")
+    if unit and (unit == "mm") == is_px:
+        raise tags.wrong(FOCAL, f"{value:g} {unit}", "cannot be the focal length in this unit")
     if value <= 0:
         raise tags.wrong(FOCAL, f"{value:g}", "must be positive")
-    f = value if is_px else value / pixel
+    return value if is_px else value / pixel
+
+
+def _calibrated(tags: Tags) -> Stated:
+    """Return the camera that MicaSense and Parrot write, after the specification of Pix4D."""
+    pixel = _pixel_needed(tags)
+    f = focal_px(tags, pixel)
     cx, cy = np.array(tags.numbers(POINT, 2) or np.array(_middle(tags)) * pixel) / pixel
     k1, k2, k3, p1, p2 = tags.numbers(DISTORTION, 5) or (0.0,) * 5
-    unit = "px" if is_px else "mm"
+    unit = "px" if tags.numbers(FOCAL)[0] > PX_OF_WIDTH * tags.width_px else "mm"
     origin = f"focal length in {unit}, principal point and distortion from XMP, {FOCAL}"
     return pixel, (f, f, cx, cy), (k1, k2, p1, p2, k3), origin
 
