@@ -34,7 +34,7 @@ READ = frozenset(
         *("FocalPlaneXResolution", "FocalPlaneResolutionUnit"),
         *("GPSLatitude", "GPSLongitude", "GPSAltitude"),
         *("GPSLatitudeRef", "GPSLongitudeRef", "GPSAltitudeRef"),
-        *("PixelXDimension", "PixelYDimension"),
+        *("GPSTimeStamp", "PixelXDimension", "PixelYDimension"),
     )
 )
 """Tags that are read: thousands of pictures have others as large as 60 kB each."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +11,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from acx4files.exchange import metadata
+from acx4files.exchange import metadata, safe
 from acx4files.exchange.flight_folder import ImportedFlight, number_of
 from acx4files.exchange.lens import WARNED_PX, WORST_PX, too_far
 from acx4files.exchange.metadata import (
@@ -21,11 +22,13 @@ from acx4files.exchange.metadata import (
     Lens,
     Tags,
     lens_of,
+    rational,
     read,
     rotation,
 )
 from acx4files.exchange.options import Allow, Crs, Option
-from acx4files.exchange.safe import refusal
+from acx4files.exchange.safe import Opened, refusal
+from acx4files.flight.problems import quoted
 from acx4files.flight.settings import LEVER, camera_table
 from acx4lib.errors import FlightError
 from acx4lib.geometry.camera import Camera, Interior
@@ -48,11 +51,12 @@ _HELD: dict[str, Any] = {"stages": {"mounting": {"estimate": [], "fix": ["lever_
 
 @dataclass(frozen=True, kw_only=True)
 class _Taken:
-    """One picture: its metadata, its head, its file below the flight's block."""
+    """One picture: its metadata, its head, its file below the flight's block, its mark if any."""
 
     tags: Tags
     head: Head
     file: str
+    mark: Mark | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,13 +72,26 @@ class _Shot:
         return self.taken[0].tags
 
     @property
+    def mark(self) -> Mark | None:
+        return self.taken[0].mark
+
+    @property
+    def known_place(self) -> tuple[float, float, float] | None:
+        """Latitude, longitude, height: by the mark, else by the metadata."""
+        mark = self.mark
+        if mark is None:
+            return metadata.place_of(self.tags)
+        return mark.lat_deg, mark.lon_deg, mark.height_m
+
+    @property
     def place(self) -> tuple[float, float, float]:
-        """Latitude, longitude, height; of exposures that are kept."""
-        return metadata.place_of(self.tags) or (np.nan, np.nan, np.nan)
+        return self.known_place or (np.nan, np.nan, np.nan)
 
     @property
     def sigma(self) -> tuple[float, float, float]:
         """Sigma of the position, m; a navigation receiver's where no picture states it."""
+        if self.mark is not None and min(self.mark.sigma_m) > 0:
+            return self.mark.sigma_m
         known = (metadata.sigma_of(picture.tags) for picture in self.taken)
         return next((sigma for sigma in known if sigma is not None), (3.0, 3.0, 6.0))
 
@@ -132,8 +149,8 @@ def read_folder(
     FlightError
         With a line for every picture that cannot be read, or where a number in it is none.
     """
-    every, unread = _read_all(source)
-    taken, others = _alike(every)
+    taken, others = _alike(_read_all(source))
+    taken, sums = _marked(taken)
     shots, without = _placed(_shots(taken))
     heads = metadata.in_order(
         list({picture.head.name: picture.head for s in shots for picture in s.taken}.values())
@@ -168,7 +185,7 @@ def read_folder(
         tables |= {f"{block}/{name}": table for name, table in _tables(some).items()}
     return ImportedFlight(
         source=f"pictures of {_maker(taken)}",
-        sha256={picture.file: picture.tags.sha256 for picture in taken},
+        sha256={**{picture.file: picture.tags.sha256 for picture in taken}, **sums},
         settings=settings,
         tables=tables,
         pictures={
@@ -180,7 +197,7 @@ def read_folder(
         warnings=tuple(_warnings(shots, taken, lenses)),
         assumed=tuple(assumed),
         found=tuple(_found(shots, heads, lenses, first)),
-        left_out=(*others, *without, *unread),
+        left_out=(*others, *without),
     )
 
 
@@ -204,8 +221,8 @@ def _blocks(
 # --- which pictures --------------------------------------------------------------------------
 
 
-def _read_all(source: Path) -> tuple[list[_Taken], list[str]]:
-    """Return all pictures of a folder, and a message on marks beside them that are not read."""
+def _read_all(source: Path) -> list[_Taken]:
+    """Return all pictures of a folder."""
     if not source.is_dir():
         raise refusal(str(source), 1, "folder", "is no folder", "must be one with pictures")
     paths = sorted(p for p in source.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file())
@@ -223,15 +240,35 @@ def _read_all(source: Path) -> tuple[list[_Taken], list[str]]:
             problems += error.problems
     if problems:
         raise FlightError(problems)
-    marks = sorted(p.name for p in source.rglob("*") if p.suffix.lower() == ".mrk")
-    message = f"{_some(marks)}: positions are those of the pictures; import better ones as a table"
-    return taken, [message] if marks else []
+    return taken
+
+
+def _marked(taken: Sequence[_Taken]) -> tuple[list[_Taken], dict[str, str]]:
+    """Return the pictures with the marks of files beside them, and the checksums of these."""
+    folders = {picture.tags.path.parent for picture in taken}
+    marks = {folder: marks_of(folder) for folder in sorted(folders)}
+    sums = {name: value for _, digests in marks.values() for name, value in digests.items()}
+    numbers = [_OF_FILE.search(metadata.name_of(picture.tags)) for picture in taken]
+    return [
+        replace(picture, mark=k and marks[picture.tags.path.parent][0].get(int(k[1])))
+        for picture, k in zip(taken, numbers, strict=True)
+    ], sums
 
 
 def _warnings(
     shots: Sequence[_Shot], taken: Sequence[_Taken], lenses: Mapping[str, Lens]
 ) -> Iterator[str]:
-    """Yield what may be wrong in sizes, headings and lenses."""
+    """Yield what may be wrong in marks, sizes, headings and lenses."""
+    flags = [shot.mark.flag for shot in shots if shot.mark is not None]
+    if bad := Counter(flag for flag in flags if flag != FIXED):
+        kinds = ", ".join(
+            f"{n} with flag {flag} ({FLAGS.get(flag, 'not fixed')})"
+            for flag, n in sorted(bad.items())
+        )
+        yield (
+            f"positions of {number_of(len(flags), 'exposures')} are by Timestamp.MRK, of which "
+            f"not all are fixed: {kinds}"
+        )
     sizes = Counter(
         (picture.tags.width_px, picture.tags.height_px, width, height)
         for picture in taken
@@ -309,12 +346,12 @@ def _when(tags: Tags) -> float:
 
 def _placed(shots: Sequence[_Shot]) -> tuple[list[_Shot], list[str]]:
     """Return the exposures with a position, and a message on the others."""
-    placed = [shot for shot in shots if metadata.place_of(shot.tags) is not None]
+    placed = [shot for shot in shots if shot.known_place is not None]
     if not placed:
         expected = "needed, and no other picture has a position"
         missing = "GPSLatitude, GPSLongitude, GPSAltitude"
         raise shots[0].tags.wrong(missing, "missing", expected)
-    without = [shot.name for shot in shots if metadata.place_of(shot.tags) is None]
+    without = [shot.name for shot in shots if shot.known_place is None]
     message = f"{number_of(len(without), 'exposures')} without a position: {_some(without)}"
     return placed, [message] if without else []
 
@@ -425,13 +462,73 @@ def _trajectory(shots: Sequence[_Shot]) -> dict[str, list[Any]]:
 def _assumed(shots: Sequence[_Shot], heads: Sequence[Head]) -> list[str]:
     ways = dict.fromkeys(shot.attitude().said for shot in shots)
     sentences = [
-        "positions are EXIF's, in WGS 84; heights are taken as they are, above an unnamed surface",
+        *_whose_positions(shots),
         "times are EXIF's: UTC of MicaSense, the clock's zone of others",
         "the camera looks down, and the top of its image is ahead",
         f"attitudes: {'; '.join(ways)}",
         "pixels: (0, 0) is the centre of the first one; principal points count from there",
     ]
     return [*sentences, *([metadata.sentence(heads)] if len(heads) > 1 else [])]
+
+
+def _whose_positions(shots: Sequence[_Shot]) -> Iterator[str]:
+    """Yield sentences on the origin of positions and heights."""
+    marked = [(shot, shot.mark) for shot in shots if shot.mark is not None]
+    bare = [shot.name for shot in shots if shot.mark is None]
+    if bare:
+        yield (
+            "positions are EXIF's, in WGS 84; heights are taken as they are, above an unnamed "
+            "surface"
+        )
+    if not marked:
+        return
+    offset = float(np.median([mark.offset_m for _, mark in marked]))
+    text = (
+        f"positions of {number_of(len(marked), 'exposures')} are those of the antenna in "
+        f"Timestamp.MRK, joined by number and moved by {offset:.3f} m (median) to the camera; "
+        "heights are above the ellipsoid"
+    )
+    metre = np.pi / 180 * AXIS_M
+    beside = [
+        (
+            metre * np.hypot(lat - mark.lat_deg, (lon - mark.lon_deg) * np.cos(np.radians(lat))),
+            height - mark.height_m,
+        )
+        for shot, mark in marked
+        if (place := metadata.place_of(shot.tags)) is not None
+        for lat, lon, height in [place]
+    ]
+    if beside:
+        plane, height = np.median(np.array(beside), axis=0)
+        text += f"; those of EXIF lie {plane:.3f} m beside them and {height:+.3f} m above (medians)"
+    yield text
+    if bare:
+        yield (
+            f"{number_of(len(bare), 'exposures')} without a mark have EXIF's heights: {_some(bare)}"
+        )
+
+
+ZONES_S, CLOCK_S = 900, 2.0
+"""Step of time zones, a quarter of an hour; largest offset of a clock without a message."""
+
+
+def _clock(shots: Sequence[_Shot]) -> Iterator[str]:
+    """Yield by how much the clock of EXIF is off the time of the receiver, zones of it aside."""
+    off = []
+    for shot in shots:
+        time, parts = metadata.time_of(shot.tags), shot.tags.exif.get("GPSTimeStamp")
+        if time is None or not isinstance(parts, tuple):
+            continue
+        pairs = [parts[i : i + 2] for i in (0, 2, 4)] if len(parts) == 6 else list(parts)
+        hours, minutes, seconds = (rational(pair) for pair in pairs)
+        utc = 3600 * hours + 60 * minutes + seconds
+        day = time.hour * 3600 + time.minute * 60 + time.second + time.microsecond / 1e6
+        off.append((day - utc + ZONES_S / 2) % ZONES_S - ZONES_S / 2)
+    if off and np.isfinite(off).all() and abs(float(np.median(off))) > CLOCK_S:
+        yield (
+            f"the clock of EXIF is {np.median(off):+.0f} s off the receiver's time, whole zones "
+            "aside; times are the clock's"
+        )
 
 
 def _found(
@@ -450,6 +547,7 @@ def _found(
         f"focal lengths {min(f):.3f} to {max(f):.3f} mm; "
         f"{'; '.join(dict.fromkeys(lens.said for lens in lenses.values()))}",
         f"lenses rewritten with k1 to p2 of the flight leave {worst}",
+        *_clock(shots),
     ]
     above = ((shot, shot.tags.number(metadata.ABOVE_TAKE_OFF)) for shot in shots)
     if ground := [shot.place[2] - height for shot, height in above if height is not None]:
@@ -460,3 +558,102 @@ def _found(
             f"where the ground is level, acx4 measure takes it by --ground {middle:.0f}"
         )
     return [*sentences, *metadata.sentences([first[head.name] for head in heads])]
+
+
+# --- Timestamp.MRK of DJI and Autel: positions of an antenna, brought to the camera
+#
+# A line is an exposure: its number, GPS time, the way from the antenna to the camera along north,
+# east and down in mm, latitude, longitude and ellipsoidal height of the antenna, three sigma
+# (north, east, height) in m, and a flag of the solution: 50 is fixed, 34 float, 16 single.
+
+
+SUFFIX = ".mrk"
+FIXED = 50
+FLAGS = {0: "none", 16: "single", 34: "float"}
+
+AXIS_M, FLATTENING = 6378137.0, 1 / 298.257223563
+"""Of WGS 84, for ways of a metre."""
+
+POLE_DEG = 90.0
+
+_NUMBER = r"\s*([-+\d.eE]++)\s*"
+_LINE = re.compile(
+    rf"\s*(\d++){_NUMBER}\[\d++\]{_NUMBER},\s*N{_NUMBER},\s*E{_NUMBER},\s*V{_NUMBER},\s*Lat"
+    rf"{_NUMBER},\s*Lon{_NUMBER},\s*Ellh{_NUMBER},{_NUMBER},\s*([-+\d.eE]++)\s+(\d++),\s*Q\s*",
+    re.ASCII | re.IGNORECASE,
+)
+_OF_FILE = re.compile(r"_(\d{4,5})(?:_[A-Za-z]+(?:_\d+)?)?$")
+"""The number of an exposure in a file's name: ``DJI_0024``, ``DJI_20240501102030_0024_V``."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mark:
+    """Where the camera was at an exposure.
+
+    Attributes
+    ----------
+    lat_deg, lon_deg, height_m : float
+        Of the camera, WGS 84, above the ellipsoid.
+    sigma_m : tuple of float
+        East, north, height.
+    flag : int
+    offset_m : float
+        Length of the way from the antenna.
+    """
+
+    lat_deg: float
+    lon_deg: float
+    height_m: float
+    sigma_m: tuple[float, float, float]
+    flag: int
+    offset_m: float
+
+
+def marks_of(folder: Path) -> tuple[dict[int, Mark], dict[str, str]]:
+    """Return the marks beside pictures by their numbers, and the checksums of the files.
+
+    Raises
+    ------
+    FlightError
+        For a line that is none, and a number that comes twice.
+    """
+    marks: dict[int, Mark] = {}
+    sums: dict[str, str] = {}
+    for path in sorted(p for p in folder.iterdir() if p.suffix.lower() == SUFFIX):
+        file = safe.read(path)
+        sums[path.name] = file.sha256
+        for number, text in enumerate(file.text().splitlines(), start=1):
+            if text.strip():
+                exposure, mark = _mark(file, number, text)
+                if exposure in marks:
+                    expected = "must be there once in the files of a folder"
+                    raise file.wrong("number", f"line {number}: {exposure} again", expected)
+                marks[exposure] = mark
+    return marks, sums
+
+
+def _mark(file: Opened, number: int, text: str) -> tuple[int, Mark]:
+    """Return an exposure's number, and where its camera was."""
+    match = _LINE.fullmatch(text)
+    try:
+        values = [] if match is None else [float(cell) for cell in match.groups()]
+    except ValueError:
+        values = []
+    if not values or not np.all(np.isfinite(values)) or abs(values[5]) >= POLE_DEG:
+        expected = "must be number, time, N, E, V, Lat, Lon, Ellh, three sigma and Q"
+        raise file.wrong(f"line {number}", quoted(text.strip()), expected)
+    north, east, down = (value / 1000 for value in values[2:5])
+    lat, lon, height, sigma_north, sigma_east, sigma_up, flag = values[5:12]
+    e2 = FLATTENING * (2 - FLATTENING)
+    w = np.sqrt(1 - e2 * np.sin(np.radians(lat)) ** 2)
+    meridian, normal = AXIS_M * (1 - e2) / w**3, AXIS_M / w
+    by_north = float(np.degrees(1 / meridian))
+    by_east = float(np.degrees(1 / (normal * np.cos(np.radians(lat)))))
+    return int(values[0]), Mark(
+        lat_deg=lat + north * by_north,
+        lon_deg=lon + east * by_east,
+        height_m=height - down,
+        sigma_m=(sigma_east, sigma_north, sigma_up),
+        flag=int(flag),
+        offset_m=float(np.linalg.norm([north, east, down])),
+    )

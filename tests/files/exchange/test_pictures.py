@@ -40,11 +40,9 @@ def test_a_flight_names_what_it_assumed_found_and_left_out(pictures, tmp_path):
     tagged.write(tmp_path / "a" / "IMG_0001_1.jpg", tagged.micasense(0))
     for k in (1, 2):
         tagged.write(tmp_path / "a" / f"IMG_0001_{k}.tif", tagged.micasense(k - 1))
-    (tmp_path / "a" / "Timestamp.MRK").write_text("1")
     brought = read_folder(tmp_path / "a")
     assert brought.left_out == (
         "1 picture of another kind than 320 x 240 px, 1 x 16 bit: IMG_0001_1.jpg",
-        "Timestamp.MRK: positions are those of the pictures; import better ones as a table",
     )
     assert "RigRelatives" in read_folder(pictures).assumed[-1]
     assert read_folder(pictures).settings["crs"] == "EPSG:32630"
@@ -203,6 +201,14 @@ def test_angles_without_a_reference_are_said_to_be_used(tmp_path):
     said = read_folder(tmp_path).assumed[-1]
     assert said.startswith("RigRelatives a, b, c are degrees")
     assert "which no file names: 1 Band0, the first" in said
+
+
+def test_a_clock_that_is_off_the_receiver_s_time_is_told(tmp_path):
+    exif = tagged.metadata(time="2024:05:01 12:21:05")
+    exif.get_ifd(tagged.GPS)[7] = (10.0, 20.0, 30.0)  # two hours are a zone, 35 s are none
+    tagged.write(tmp_path / "IMG_0001.JPG", {"drone-dji:CalibratedFocalLength": 300}, exif=exif)
+    (said,) = (one for one in read_folder(tmp_path).found if "clock" in one)
+    assert said.startswith("the clock of EXIF is +35 s off the receiver's time")
 
 
 def test_a_cropped_picture_is_warned_of(tmp_path):
