@@ -28,15 +28,15 @@ WHAT = ("code", "lines", "names")
 PAGES = ("book/_ext", "book/_moving", "book/_static")
 
 RATCHET = {
-    "src code": 62_487,
-    "src names": 2_189,
+    "src code": 53_814,
+    "src names": 2_058,
     "src/acx4 code": 32,
-    "src/acx4book code": 24_376,
-    "src/acx4book names": 791,
-    "src/acx4files code": 19_933,
-    "src/acx4files names": 561,
-    "src/acx4lib code": 15_561,
-    "src/acx4lib names": 753,
+    "src/acx4book code": 21_122,
+    "src/acx4book names": 722,
+    "src/acx4files code": 15_914,
+    "src/acx4files names": 529,
+    "src/acx4lib code": 14_161,
+    "src/acx4lib names": 723,
     "src/acx4sim code": 2_585,
     "src/acx4sim names": 84,
     "tests lines": 65_000,
