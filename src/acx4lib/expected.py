@@ -35,20 +35,13 @@ RIGID = 1e-5
 # --- values ----------------------------------------------------------------------------------
 
 
-def folder(name: str, value: object, what: str) -> Path:
+def folder(value: str | Path, what: str) -> Path:
     """Return a value as a folder's path; FlightError if there is none, as users name folders."""
-    location = path(name, value)
+    location = Path(value)
     if not location.is_dir():
         is_what = "not a folder" if location.exists() else "no such folder"
         raise FlightError([f"{location}: {is_what}; expected {what}"])
     return location
-
-
-def path(name: str, value: object) -> Path:
-    """Return a value as a path; raise where it is none."""
-    if not isinstance(value, str | Path) or value == "":
-        _refuse(name, "a path", repr(value))
-    return Path(value)
 
 
 def one_of(name: str, value: object, known: Iterable[object]) -> None:
@@ -159,19 +152,6 @@ def _said(like: Shape) -> str:
 
 def _refuse(name: str, what: str, got: str) -> NoReturn:
     raise ValueError(f"{name}: expected {what}, got {got}")
-
-
-def given(value: object) -> str:
-    """Describe a value in a few words, for a message."""
-    return type(value).__name__ if isinstance(value, np.ndarray) else repr(value)
-
-
-def instance(name: str, value: object, kind: type) -> None:
-    """Raise where a value is of another type."""
-
-
-def names(name: str, values: object) -> None:
-    """Raise where values are no names."""
 
 
 # --- parts -----------------------------------------------------------------------------------

@@ -41,7 +41,7 @@ from acx4files.flight.settings import KNOWN, Setup, flight_table, setup_of
 from acx4files.flight.table_files import Columns, named_file, table_in_memory
 from acx4files.flight.tables import SCHEMAS, Table
 from acx4files.flight.toml_file import Toml, read_toml
-from acx4lib import expected, shown
+from acx4lib import shown
 from acx4lib.block import Block, block_row, no_datum, synthetic_images
 from acx4lib.design import SAME_HEIGHT, flying_heights
 from acx4lib.errors import FlightError, visible
@@ -164,7 +164,7 @@ def read(path: str | Path, *, pictures: str | Path = "") -> Flight:
     FlightError
         With all problems, one line each; files are named below `path` as it was given.
     """
-    folder = expected.path("path", path)
+    folder = Path(path)
     if not os.path.isdir(folder):  # noqa: PTH112 no error for a name that no file can have
         cure = "must be the folder of a flight, with a flight.toml"
         raise FlightError(lines_of([_of_folder(folder, "is no folder", cure)]))

@@ -30,7 +30,6 @@ from acx4files.flight.problems import (
     quoted,
 )
 from acx4files.flight.tables import Schema, Table, faulty, form_of, numbers_of
-from acx4lib import system
 from acx4lib.expected import Array
 
 NO_END = "the last line has no line end; was the file cut off?"
@@ -360,30 +359,6 @@ def named_file(flight: Path, folder: Path, name: str) -> tuple[Path | None, str]
     if not there:
         return None, ABSENT
     return (path, "") if path.is_file() else (None, "is no regular file")
-
-
-def free_memory() -> int:
-    """Return the memory that this process can still get, bytes, according to the system."""
-    known = [_meminfo(), _group_limit()]
-    return min(free for free in known if free is not None)
-
-
-def _meminfo() -> int:
-    try:
-        lines = Path("/proc/meminfo").read_text("ascii").splitlines()
-        return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvail"))
-    except (OSError, StopIteration):  # another system
-        return system.memory()
-
-
-def _group_limit() -> int | None:
-    """Return the free memory of the container, bytes; None outside a container."""
-    group = Path("/sys/fs/cgroup")
-    try:
-        limit, used = ((group / f"memory.{name}").read_text("ascii") for name in ("max", "current"))
-        return int(limit) - int(used)
-    except (OSError, ValueError):  # no such group, or "max"
-        return None
 
 
 # --- Tables in memory: a DataFrame, or arrays by their columns, checked as a file would be

@@ -212,9 +212,6 @@ def faulty(names: Collection[str]) -> dict[str, tuple[str, str]]:
 # --- Numbers as text
 
 
-LONGEST_NUMBER = 100
-"""Largest number of characters of a number."""
-
 FORMS = (
     (r"\s*-?\d+,\d+\s*", "a decimal comma"),
     (r"\s*[-+]?\d{1,3}(?:[ .,'\u2019\u00a0\u202f]\d{3})+(?:[.,]\d*)?\s*", "thousands set apart"),

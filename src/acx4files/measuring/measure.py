@@ -448,7 +448,7 @@ def read_unmeasured(path: str | Path) -> Unmeasured:
         With all problems, one line each; also where a block has neither pictures nor
         measurements, and where no block has pictures.
     """
-    folder = expected.folder("path", path, "the folder of a flight, with a flight.toml")
+    folder = expected.folder(path, "the folder of a flight, with a flight.toml")
     names = [name for name in BLOCKS if (folder / name).is_dir()]
     if not names:
         problem = (

@@ -93,7 +93,7 @@ SHORT = tuple(name for name in COLUMNS if name in Results.__annotations__)
 
 def of_run(folder: str | Path) -> Path:
     """Return the path of a folder with results of a run; FlightError without any."""
-    path = expected.folder("folder", folder, "the results of a run")
+    path = expected.folder(folder, "the results of a run")
     if not any((path / name).is_file() for name in FILES):
         raise FlightError([f"{path}: no results of a run; acx4 run FLIGHT --results makes them"])
     return path
@@ -113,7 +113,7 @@ def read(folder: str | Path, *, rewriting: Sequence[str] = ()) -> Results:
     FlightError
         Where there is no such folder, a file has other columns, or its writing was interrupted.
     """
-    path = expected.folder("folder", folder, "the results of a run")
+    path = expected.folder(folder, "the results of a run")
     summary, run = read_summary(path)
     check_ended(path, run, rewriting)
     tables = {name: _read(name, path, run) for name in SHORT}
@@ -235,7 +235,7 @@ def replace(
     FlightError
         Where the folder has files of something else, or its tables are not as a run left them.
     """
-    path = expected.path("folder", folder)
+    path = Path(folder)
     path.mkdir(parents=True, exist_ok=True)
     all_stages = {*STAGES} <= {*stage_methods}
     before, old_run = ({}, {}) if all_stages else read_summary(path)
@@ -324,7 +324,6 @@ def _plain(value: object) -> object:
 
 def has(results: Results, stage_method: str) -> bool:
     """Tell whether there are results of a stage or a ``stage/method``; ValueError if unknown."""
-    expected.instance("results", results, Results)
     expected.one_of("stage", str(stage_method).partition("/")[0], STAGES)
     listed = results.parameters[["stage", "method"]].drop_duplicates()
     known = {*results.summary, *(listed["stage"] + "/" + listed["method"])}

@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 
 from acx4files.results.table_files import COLUMNS, COMPONENTS, RELATIVE
-from acx4lib import expected
 from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
@@ -145,7 +144,6 @@ def exterior_orientations(bundle: Bundle) -> pd.DataFrame:
         the grid's axes, and the sigma of each, a posteriori. A mounted camera's have the sigma
         and the correlations of body pose and mounting, eq. (14).
     """
-    expected.instance("bundle", bundle, Bundle)
     network = bundle.network
     cov = bundle.camera_pose_covariances * bundle.solution.sigma0_sq
     oriented = np.flatnonzero(bundle.oriented)

@@ -13,7 +13,7 @@ from acx4files.results.adjustments import mounted_block, read_carried
 from acx4files.results.earlier import ORIENTED
 from acx4files.results.read_back import read_relative_orientation
 from acx4files.stages.order import rig_leads
-from acx4lib import expected, shown
+from acx4lib import shown
 from acx4lib.attempts import Failed
 from acx4lib.block import Block
 from acx4lib.calibration import mounting
@@ -105,7 +105,6 @@ def calibrate(flight: Flight, block: Block | None = None) -> MountingStage:
     AdjustmentError
         Where no method has an outcome, or standard deviations cannot be estimated.
     """
-    expected.instance("flight", flight, Flight)
     if block is None:
         if "calibration" in flight.transferred:
             msg = "block calibration is measured in heads: give it with points transferred, `block`"

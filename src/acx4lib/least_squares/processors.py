@@ -13,8 +13,6 @@ from typing import TypeVar
 
 from threadpoolctl import ThreadpoolController
 
-from acx4lib import system
-
 P = TypeVar("P")
 R = TypeVar("R")
 
@@ -31,7 +29,9 @@ GIVEN_UP = "KilledWorker"
 
 def cores() -> int:
     """Return the number of processors that this process may use."""
-    return system.cores()
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def keep_memory() -> None:
