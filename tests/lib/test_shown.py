@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import acx4 as acx
 import acx4sim
-from acx4files.stages import Failed, attempt, mounting
+from acx4files.stages import Failed, attempt
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.reliability import reliability
 from acx4lib.bundle.variance_components import components
@@ -81,8 +81,7 @@ def open_mounting(alone):
         reliability(solution.group("image_point")),
         two_step(block, free=free, after=single),
         two_step_gnss(block, free=free, after=single),
-        mounting.weighted(alone, block, weights="given", free=free),
-        mounting.weighted(alone, block, weights="estimated", free=free)[0],
+        weighted(block, weights="estimated", free=free)[0],
         components(single.bundle),
         attempt(two_step, replace(block, control=block.control[:1]), free=free),
         acx.calibrate(alone),
