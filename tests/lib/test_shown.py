@@ -17,7 +17,7 @@ from acx4lib.bundle.reliability import reliability
 from acx4lib.bundle.variance_components import components
 from acx4lib.calibration.estimates import from_bundle, given, parameters
 from acx4lib.calibration.heads import calibrate_heads, relative_orientation
-from acx4lib.calibration.mounting import single_step, two_step, two_step_gnss
+from acx4lib.calibration.mounting import single_step, two_step, two_step_gnss, weighted
 from acx4lib.errors import AdjustmentError
 from acx4lib.georeferencing.direct import Rays, intersect_rays
 from acx4lib.georeferencing.validation import validate
