@@ -403,7 +403,7 @@ def _points(material: Material) -> Iterator[Table]:
         by_axis.append([axis, mean, f"{points['rms'][k]:.3f}", f"{predicted:.3f}"])
     yield _table(
         f"{entry['n_points']} independent check points",
-        "Estimated less surveyed, one difference per point from all its rays.",
+        "Estimated minus surveyed, one difference per point from all its rays.",
         ["", "Mean (m)", "RMS (m)", "Predicted RMS (m)"],
         by_axis,
         below=[*_classes(points.get("classes") or {})],
