@@ -750,9 +750,9 @@ def best_reading(flight: Any, block_name: str) -> Found | None:
     with np.errstate(all="ignore"):  # readings may be absurd
         case = _case(block, flight.trajectories[block_name], seen)
         given = mounted(seen, case.T_m_b)
-        sigmas = stated(block, seen, given)
-        if 1 / OFF < given.misfit / np.linalg.norm(list(sigmas.values())) < AS_STATED:
-            return other_unit(block, seen, given, sigmas)
+        sigma = np.linalg.norm(list(stated(block, seen, given).values()))
+        if 1 / OFF < given.misfit / sigma < AS_STATED:
+            return other_unit(block, seen, given)
         usual = started(seen, case.T_m_b).misfit
         fits = [
             (mounted(others, T_m_b), reading, others, T_m_b)
@@ -762,7 +762,7 @@ def best_reading(flight: Any, block_name: str) -> Found | None:
             numbered = _numbered(block, seen, case.T_m_b)
             fitted = [(mounted(seen, case.T_m_b, r.moves), r, seen, case.T_m_b) for r in numbered]
             fits += sorted(fitted, key=lambda fit: fit[0].misfit)
-        return _best(fits, given, seen) or other_unit(block, seen, given, sigmas)
+        return _best(fits, given, seen) or other_unit(block, seen, given)
 
 
 def notes(flight: Any) -> Iterator[str]:
@@ -871,9 +871,7 @@ def stated(block: Block, seen: Sightings, given: Mounted) -> dict[str, float]:
     }
 
 
-def other_unit(
-    block: Block, seen: Sightings, given: Mounted, sigmas: Mapping[str, float]
-) -> Found | None:
+def other_unit(block: Block, seen: Sightings, given: Mounted) -> Found | None:
     """Return the unit in which standard deviations agree with residuals; None if they already do.
 
     None, too, where no plausible mounting fits: residuals are no errors of observation then.
@@ -885,8 +883,6 @@ def other_unit(
         Of this block.
     given : Mounted
         The fit of the block as given.
-    sigmas : mapping of str to float
-        As they are `stated`.
 
     Returns
     -------
@@ -896,7 +892,7 @@ def other_unit(
     if given.held:
         return None
     T_m_b, camera = block.trajectory.T_m_b[seen.exposures], given.cameras[0]
-    noise = measuring_noise(seen, T_m_b, given)
+    noise, sigmas = measuring_noise(seen, T_m_b, given), stated(block, seen, given)
     alone = ALONE_M[0] <= sigmas["position"] * _range_m(seen, T_m_b, given) <= ALONE_M[1]
     for quantity, units, misfit, others in (
         ("image measurements", {"mm": 1 / camera.pixel_mm}, noise, 0.0),
