@@ -23,7 +23,7 @@ EXTERIOR = ("Xc", "Yc", "Zc", "Omega", "Phi", "Kappa")
 MODEL = "Backward (Photogrammetry) model 3"
 """Of DBAT's lens models the one of both reports, and ours."""
 
-_NO_RESULT = {
+_NO_RESULT: dict[Place, str] = {
     ("Project",): "names and folders on its author's machine",
     (LAST, "Last Bundle Run"): "date",
     (LAST, "DBAT version"): "version",
