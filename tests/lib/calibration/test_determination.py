@@ -286,7 +286,7 @@ def test_exact_data_differ_by_what_the_lever_arm_says(exact):
 
 def test_where_positions_give_way_f_takes_up_z_at_the_height_of_the_squares(exact):
     """Positions miss f's share by l - H df / f; its squares are least at H of sum H2 / sum H."""
-    given_way = weighted(exact, gnss=10.0)
+    given_way = weighted(exact, Model(gnss=10.0))
     H = flying_heights(exact)[exact.images.exposure_idx]
     two = held_off(given_way, 2)
     heights = effective_heights(
@@ -300,7 +300,7 @@ def test_where_positions_hold_principal_point_and_boresight_take_up_the_mean(
     exact, axis, parameter, turn, sign
 ):
     """Each image is off by f l / H; what all have in common is the mean, shared by the two."""
-    held = weighted(exact, gnss=0.1)
+    held = weighted(exact, Model(gnss=0.1))
     f = exact.cameras[0].interior.f
     H = flying_heights(exact)[exact.images.exposure_idx]
     found = taken_up(held, axis)
