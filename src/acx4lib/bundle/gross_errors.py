@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from acx4lib import expected
 from acx4lib.block import Block
-from acx4lib.bundle.adjust import Bundle, adjust, robust_start
+from acx4lib.bundle.adjust import Bundle, adjust_chosen
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.rejections import (
     CRITICAL,
@@ -32,8 +32,10 @@ from acx4lib.bundle.start import (
     ASTRAY,
     SUSPECT,
     control_misfits,
+    prepared,
     reweighted,
     robust_phase,
+    robust_start,
     sizes,
     spread,
     turned_alike,
@@ -151,7 +153,7 @@ def _first(
 ) -> tuple[Bundle, _Search]:
     """Adjust with all observations; if many fail, without the misfits of a robust state."""
     try:
-        bundle = adjust(network)
+        bundle = adjust_chosen(network)
     except AdjustmentError:
         state = robust_start(network)
     else:
@@ -188,11 +190,11 @@ def _without(
     stopped: tuple[Stopped, ...],
 ) -> Bundle:
     """Adjust without the rejected observations; an error also names the stopped groups."""
-    network = set_up(without(block, rejected))
+    network = prepared(set_up(without(block, rejected)))
     known, state = np.isfinite(bundle.state.x_m), bundle.state
     warm = replace(state, x_m=np.where(known, state.x_m, network.start.x_m))
     try:
-        return adjust(replace(network, start=warm))
+        return adjust_chosen(replace(network, start=warm))
     except AdjustmentError as error:
         if not stopped:
             raise
@@ -202,7 +204,7 @@ def _without(
 def _adjust_without(network: Network, out: Mask, state: State) -> Bundle:
     """Adjust without the effect of some observations; their predictions are still computed."""
     factors = _by_group(network, np.where(out, OUT, 1.0))
-    return adjust(reweighted(network, factors).beginning_at(state))
+    return adjust_chosen(reweighted(network, factors).beginning_at(state))
 
 
 def _misfits(network: Network, state: State) -> Array:
@@ -458,10 +460,10 @@ def _without_absurd_control(
     block: Block, set_up: Callable[[Block], Network]
 ) -> tuple[Network, Index]:
     """Return the network of a block without the control points far from all of their rays."""
-    network = set_up(block)
+    network = prepared(set_up(block))
     rows = _absurd(network, set_up)
     if len(rows):
-        network = set_up(without(block, _taken_out(rows)))
+        network = prepared(set_up(without(block, _taken_out(rows))))
     return network, rows
 
 
@@ -479,7 +481,7 @@ def _absurd(network: Network, set_up: Callable[[Block], Network]) -> Index:
         return none
     surveyed = network.block.control.point_idx
     rows = np.flatnonzero(np.isin(surveyed, network.control.point_idx[doubted]))
-    state = robust_start(set_up(without(network.block, _taken_out(rows))))
+    state = robust_start(prepared(set_up(without(network.block, _taken_out(rows)))))
     astray = network.control.point_idx[_misfits_of_control(network, state) > ASTRAY]
     return rows[np.isin(surveyed[rows], astray)]
 
