@@ -118,7 +118,10 @@ def adjust_rejecting(
     """
     expected.positive("critical", critical)
     expected.one_of("sigma0", sigma0, ("known", "estimated"))
-    network, absurd = _without_absurd_control(block, set_up)
+    network = prepared(set_up(block))
+    absurd = _absurd_control(network)
+    if len(absurd):
+        network = prepared(set_up(without(block, _taken_out(absurd))))
     observed = _observations(network)
     test = partial(_judge, w_limits if sigma0 == "known" else tau_limits, critical)
     bundle, search = _first(network, _nothing_out(len(observed.kind)), test)
@@ -456,41 +459,20 @@ ENOUGH = 3
 """Number of other points that must remain; fewer do not orient a block."""
 
 
-def _without_absurd_control(
-    block: Block, set_up: Callable[[Block], Network]
-) -> tuple[Network, Index]:
-    """Return the network of a block without the control points far from all of their rays."""
-    network = prepared(set_up(block))
-    rows = _absurd(network, set_up)
-    if len(rows):
-        network = prepared(set_up(without(block, _taken_out(rows))))
-    return network, rows
+def _absurd_control(network: Network) -> Index:
+    """Return the rows of absurd control points in the block.
 
-
-def _absurd(network: Network, set_up: Callable[[Block], Network]) -> Index:
-    """Return the absurd control points: some are doubted first, then tested without them.
-
-    For the first step all poses of a camera turn alike onto the control points. For the second
-    the orientation is the one that most of the other observations agree on.
+    All poses of a camera are first turned alike onto the control points. A single ray that misses
+    its point by less than `BESIDE` may itself be wrong.
     """
-    none = np.zeros(0, dtype=np.intp)
-    if not np.any(control_misfits(network, network.start) > DOUBTFUL):
-        return none
-    doubted = _unlike(_misfits_of_control(network, turned_alike(network)))
-    if not doubted.any():
-        return none
     surveyed = network.block.control.point_idx
-    rows = np.flatnonzero(np.isin(surveyed, network.control.point_idx[doubted]))
-    state = robust_start(prepared(set_up(without(network.block, _taken_out(rows)))))
-    astray = network.control.point_idx[_misfits_of_control(network, state) > ASTRAY]
-    return rows[np.isin(surveyed[rows], astray)]
-
-
-def _misfits_of_control(network: Network, state: State) -> Array:
-    """Return the median angles of control points; zero for a single ray that may be wrong."""
-    angles = control_misfits(network, state)
-    rays = np.bincount(network.image_points.point_idx, minlength=network.n_points)
-    return np.where((rays[network.control.point_idx] == 1) & (angles < BESIDE), 0.0, angles)
+    if not np.any(control_misfits(network, network.start) > DOUBTFUL):
+        return np.zeros(0, dtype=np.intp)
+    angles = control_misfits(network, turned_alike(network))
+    n_rays = np.bincount(network.image_points.point_idx, minlength=network.n_points)
+    one_ray = n_rays[network.control.point_idx] == 1
+    absurd = _unlike(np.where(one_ray & (angles < BESIDE), 0.0, angles))
+    return np.flatnonzero(np.isin(surveyed, network.control.point_idx[absurd]))
 
 
 def _unlike(misfits: Array) -> Mask:
