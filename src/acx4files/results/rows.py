@@ -11,7 +11,7 @@ from acx4files.results.table_files import COLUMNS, COMPONENTS, RELATIVE
 from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations import observed_interiors, observed_mountings
+from acx4lib.bundle.observations import DECLARED, declared
 from acx4lib.bundle.rejections import Rejection
 from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.estimates import (
@@ -233,11 +233,8 @@ def _observed_at(network: Network, kind: str) -> tuple[Named, Named]:
     if kind == "control_point":
         point_idx = network.control.point_idx[~network.held_control]
         return _alike(len(point_idx)), (block.points, point_idx)
-    if kind in ("lever_arm", "boresight"):
-        known = observed_mountings(block.cameras, kind, network.layout.mount)
-        return ([camera.name for camera in block.cameras], known), _alike(len(known))
-    if kind == "interior":
-        known = observed_interiors(block.cameras, network.layout.interior)
+    if kind in DECLARED:
+        known, _, _ = declared(block.cameras, kind, network.layout)
         return ([camera.name for camera in block.cameras], known), _alike(len(known))
     exposure = network.exposure_idx
     return (block.trajectory.exposures, exposure), _alike(len(exposure))

@@ -13,15 +13,7 @@ import numpy as np
 
 from acx4lib import shown
 from acx4lib.block import Block, ImagePoints, SurveyedPoints
-from acx4lib.bundle.observations import (
-    PoseObservations,
-    attitude_equations,
-    control_equations,
-    interior_equations,
-    mounting_equations,
-    picture_equations,
-    position_equations,
-)
+from acx4lib.bundle.observations import PoseObservations, besides_rays
 from acx4lib.bundle.unknowns import Layout, State, moved, named
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.collinearity import (
@@ -153,13 +145,18 @@ class Network:
         return moved(self.layout, state, dx, dp)
 
     def residuals(self, state: State) -> list[tuple[Array, Array]]:
-        """Return v and sigma of image points and `_other_equations`."""
-        others = [(e.v, e.sigma) for e in _other_equations(self, state)]
+        """Return v and sigma of image points and what is observed `besides_rays`."""
+        others = [(e.v, e.sigma) for e in self.besides_rays(state)]
         return [(image_residuals(*_seen(self, state)), _image_sigma(self)), *others]
 
     def equations(self, state: State) -> list[Equations]:
-        """Linearise image points, control points, positions, attitudes, mountings."""
-        return [_image_equations(self, state), *_other_equations(self, state)]
+        """Linearise image points and what is observed `besides_rays`."""
+        return [_image_equations(self, state), *self.besides_rays(state)]
+
+    def besides_rays(self, state: State) -> list[Equations]:
+        """Linearise the observations that are no image points: `observations.besides_rays`."""
+        control = self.control[~self.held_control]
+        return list(besides_rays(self.block, control, self.observed, state, self.layout))
 
     def normals(self, state: State, damping: float = 0.0, before: Normals | None = None) -> Normals:
         """Return the normal equations at a state; compiled, they reuse memory of those before."""
@@ -215,18 +212,6 @@ class Network:
         if COMPILED and not observed.linked.size:  # the order in which rays are processed stays
             vars(out)["packed"] = self.packed.weighted(weights(self.block, image_points))
         return out
-
-
-def _other_equations(network: Network, state: State) -> list[Equations]:
-    observed, columns = network.observed, network.layout
-    return [
-        control_equations(network.control[~network.held_control], state.x_m),
-        position_equations(observed, state, columns),
-        attitude_equations(observed, state, columns),
-        *picture_equations(observed.pictures, state, columns),
-        *mounting_equations(network.block.cameras, state.T_b_c, columns.mount),
-        *interior_equations(network.block.cameras, state.interiors, columns.interior),
-    ]
 
 
 # --- observations ----------------------------------------------------------------------------
@@ -308,7 +293,7 @@ def _compiled_normals(
     for J in (by_pose, by_mount):  # turned to the camera's axes
         J[:, :3] = R_c_m @ J[:, :3]
     place = np.argsort(packed.pose)  # of each pose in that order
-    others = _other_equations(network, state)
+    others = network.besides_rays(state)
     V, h = by_points(network.observed_points, others)
     return NetworkNormals(
         packed=packed,
