@@ -51,9 +51,6 @@ ALIKE = 0.8
 CARRIED = float(1 / np.finfo(float).eps)
 """Condition above which the weakest direction has no correct digit in double precision, 4.5e15."""
 
-NAMED = 3
-"""Largest number of named images without a position and attitude."""
-
 POSES = dict(
     zip(
         POSE,
@@ -125,30 +122,6 @@ def weakest_combination(bundle: Bundle) -> tuple[Part, ...]:
     return tuple(sorted(named, key=lambda part: -part.share))
 
 
-def beyond_precision(bundle: Bundle) -> str:
-    """Return a sentence on a condition above `CARRIED`, and its images; empty below.
-
-    Positions and attitudes of these images are not known. Unknowns that all images share are known
-    as long as they have a standard deviation.
-    """
-    network = bundle.network
-    if not bundle.solution.condition > CARRIED:
-        return ""
-    n_points = np.bincount(network.image_points.image_idx, minlength=len(bundle.oriented))
-    names = [
-        f"{network.block.images.names[k]} (measured points: {n_points[k]})"
-        for k in np.flatnonzero(~bundle.oriented & (n_points > 0))
-    ]
-    undetermined = (
-        f"the position and attitude of {', '.join(names[:NAMED])}" if names else "all unknowns"
-    )
-    undetermined += f" and {len(names) - NAMED} more" * (len(names) > NAMED)
-    return (
-        "the condition of the normal matrix is more than double precision can carry: the "
-        f"observations do not determine {undetermined}"
-    )
-
-
 def _of_poses(label: str, v: Array) -> Part:
     """Sum up one unknown of all poses."""
     share = float(v @ v)
@@ -179,17 +152,6 @@ def strong_correlations(calibration: Calibration) -> tuple[Pair, ...]:
         if abs(related[i, j]) > STRONG
     ]
     return tuple(sorted(pairs, key=lambda pair: -abs(pair.correlation)))
-
-
-def as_json(bundle: Bundle, calibration: Calibration) -> dict[str, object]:
-    """Return condition, weakest combination and strong correlations for a summary."""
-    return {
-        "condition": bundle.solution.condition,
-        "weakest": {part.unknown: part.share for part in weakest_combination(bundle)},
-        "correlated": [
-            [pair.row, pair.column, pair.correlation] for pair in strong_correlations(calibration)
-        ],
-    }
 
 
 # --- Correlations between the parameters that a bundle estimates (section 4.1); tests by

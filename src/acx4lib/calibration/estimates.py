@@ -307,83 +307,10 @@ def is_determined(calibration: Calibration) -> Mask:
     return (sigma <= np.array(limits)) & np.isfinite(sigma)
 
 
-AS_ONE = 0.99
-"""Correlation from which parameters of two heads are open together: one sentence is enough."""
-
-
-def not_determined(calibration: Calibration, features: frozenset[str] = frozenset()) -> list[str]:
-    """Return a sentence per undetermined parameter, or per group of heads with correlated ones.
-
-    It names the standard deviation, the largest correlations and the geometry that helps.
-
-    Parameters
-    ----------
-    calibration : Calibration
-    features : frozenset of str
-        Geometry of the flight as `features` returns it; a sentence does not ask for it.
-    """
-    listed = parameters(calibration)
-    related = correlation(reported_covariance(calibration))
-    out = []
-    for group in _alike(listed, related, np.flatnonzero(~is_determined(calibration))):
-        i = group[0]
-        p = listed[i]
-        strongest = sorted(
-            (j for j in range(len(listed)) if j != i), key=lambda j: -abs(related[i, j])
-        )[:2]
-        with_others = ", ".join(
-            f"{related[i, j]:+.2f} with {_name_beside(listed[j], p)}" for j in strongest
-        )
-        named = f"{p.camera} {p.name}"
-        if len(group) > 1:
-            named = f"{p.name} of {', '.join(listed[j].camera for j in group)}"
-            with_others = f"{min(related[i, j] for j in group):+.2f} with each other"
-        out.append(
-            f"{named} is not determined ({_how_well(p)}; correlation {with_others}); "
-            f"it would need: {needed(p.key, features)}"
-        )
-    return out
-
-
-def _how_well(p: Parameter) -> str:
-    if np.isinf(p.sigma):
-        return "left open by the observations"
-    return f"sigma {p.sigma:.3g} {p.unit}"
-
-
-def _alike(listed: Sequence[Parameter], related: Array, open_idx: Index) -> list[list[int]]:
-    """Group undetermined parameters of equal name and sigma that correlate between heads."""
-    groups: list[list[int]] = []
-    for i in open_idx.tolist():
-        p = listed[i]
-        for group in groups:
-            first = listed[group[0]]
-            is_same = (first.name, _how_well(first)) == (p.name, _how_well(p))
-            if is_same and related[group[0], i] > AS_ONE:
-                group.append(i)
-                break
-        else:
-            groups.append([i])
-    return groups
-
-
-def _name_beside(other: Parameter, parameter: Parameter) -> str:
-    return other.name if other.camera == parameter.camera else f"{other.name} of {other.camera}"
-
-
-def rough_boresights(calibration: Calibration) -> str:
-    """Return a sentence on boresights that rough attitudes leave uncertain; empty without them."""
-    sigma = [
-        p.sigma
-        for p, determined in zip(parameters(calibration), is_determined(calibration), strict=True)
-        if determined and p.key in BORESIGHT and p.sigma > LIMIT_BORESIGHT_DEG
-    ]
-    if not sigma:
-        return ""
-    return (
-        f"boresights have sigma up to {max(sigma):.2g} degrees, more than {LIMIT_BORESIGHT_DEG:g}: "
-        f"attitudes of {calibration.limit_boresight_deg:.2g} degrees (median) give no better"
-    )
+def undetermined(calibration: Calibration) -> list[Parameter]:
+    """Return the reported parameters that the data do not determine."""
+    listed = zip(parameters(calibration), is_determined(calibration), strict=True)
+    return [p for p, determined in listed if not determined]
 
 
 # --- The flight geometry that determines a parameter, and the part that a flight lacks

@@ -14,24 +14,20 @@ import scipy
 
 from acx4lib import shown
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations import deviating
 from acx4lib.calibration.estimates import (
     LIMIT_BORESIGHT_DEG,
     LIMIT_LEVER_M,
     Parameter,
-    features,
     from_bundle,
-    needed,
     to_reported,
 )
-from acx4lib.calibration.estimates import parameters as camera_parameters
 from acx4lib.design import directions
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.frames import log
 from acx4lib.geometry.parameters import AXES
 from acx4lib.least_squares import statistics
-from acx4lib.least_squares.covariance import correlation, propagate, sigmas
+from acx4lib.least_squares.covariance import propagate, sigmas
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -220,105 +216,6 @@ def is_determined(bundle: Bundle, cov: Array | None = None) -> Mask:
     return np.array([p.sigma * unknown.reach <= 1 for p, unknown in listed], dtype=bool)
 
 
-def not_determined(bundle: Bundle, cov: Array | None = None) -> list[str]:
-    """Return a sentence per undetermined error of the trajectory.
-
-    Arguments are those of `parameters`.
-    """
-    listed = parameters(bundle, cov)
-    if not listed:
-        return []
-    cameras = camera_parameters(from_bundle(bundle))
-    labels = [f"{p.camera} {p.name}" for p in cameras] + [p.name for p in listed]
-    related = correlation(reported_covariance(bundle) if cov is None else cov)
-    present = features(bundle.network.block)
-    out = []
-    for i in np.flatnonzero(~is_determined(bundle, cov)):
-        p, correlations = listed[i], related[len(cameras) + i].copy()
-        correlations[len(cameras) + i] = 0.0
-        strongest = np.argsort(-np.abs(correlations), kind="stable")[:2]
-        with_others = ", ".join(f"{correlations[j]:+.2f} with {labels[j]}" for j in strongest)
-        how = f"sigma {p.sigma:.3g} {p.unit}; correlation {with_others}"
-        if np.isinf(p.sigma):  # an open parameter has no meaningful correlations
-            how = "left open by the observations"
-        out.append(f"{p.name} is not determined ({how}); it would need: {needed(p.key, present)}")
-    return out
-
-
-def notes(bundle: Bundle) -> list[str]:
-    """Return sentences on the estimated and held errors of the trajectory."""
-    layout = bundle.network.layout
-    listed = [p for p, good in zip(parameters(bundle), is_determined(bundle), strict=True) if good]
-    shifts = [
-        f"{p.value:+.3f} ± {p.sigma:.3f} m ({axis})"
-        for axis in AXES
-        for p in listed
-        if p.name == f"gnss_shift_{axis}_m"
-    ]
-    out = [f"GNSS positions are off by {', '.join(shifts)}"] if shifts else []
-    if drifts := [p for p in listed if p.key == "drift"]:
-        top = max(drifts, key=lambda p: abs(p.value) / p.sigma)
-        out.append(f"the plainest drift is {top.name}: {top.value:+.3f} ± {top.sigma:.3f}")
-    for p in listed:
-        if p.name == DELAY:
-            late, value, sigma = (
-                ("late" if p.value > 0 else "early"),
-                1000 * abs(p.value),
-                1000 * p.sigma,
-            )
-            out.append(f"GNSS positions are recorded {value:.1f} ± {sigma:.1f} ms {late}")
-    out += _deviating([p for p in listed if p.key == "deviation"])
-    out += _correlated(bundle.network)
-    if np.any(layout.shift >= 0):
-        held, free = "the lever arm's z", "the height of the GNSS shift"
-        if layout.shift[2] < 0:
-            held, free = free, held
-        out.append(f"{held} is held, since it and {free} are one unknown")
-    estimated = {unknown.key for unknown in _unknowns(bundle)}
-    if owners := " and ".join(name for name, keys in _OWN.items() if estimated & keys):
-        verb = "are" if " and " in owners else "is"
-        out.append(
-            f"{owners} {verb} this block's own: none is applied to another block, nor in the "
-            "validation"
-        )
-    return out
-
-
-_OWN = {
-    "the shift and drift of GNSS positions": {"shift", "drift"},
-    "the delay": {"delay"},
-    "the deviation of headings": {"deviation"},
-}
-
-
-def _deviating(parts: list[Parameter]) -> list[str]:
-    """Return a sentence on the deviation of headings, if both its parts are determined."""
-    if len(parts) < 2:
-        return []
-    by_sine, by_cosine = parts
-    most = np.hypot(by_sine.value, by_cosine.value)
-    where = np.degrees(np.arctan2(by_sine.value, by_cosine.value)) % 360
-    return [
-        f"recorded headings are off by {by_sine.value:+.3f} ± {by_sine.sigma:.3f}° times their "
-        f"sine and {by_cosine.value:+.3f} ± {by_cosine.sigma:.3f}° times their cosine: by "
-        f"{most:.3f}° at {where:.0f}°, and by as much the other way on the opposite course"
-    ]
-
-
-def _correlated(network: Network) -> list[str]:
-    """Return sentences on the share of the trajectory's sigma that is weighted as correlated."""
-    observed, trajectory = network.observed, network.block.trajectory
-    return [
-        f"errors of {noun} are taken to be correlated: {process.share:g} of their sigma, with a "
-        f"time constant of {process.time_constant_s:g} s"
-        for noun, process, slow in (
-            ("positions", trajectory.slow_positions, observed.slow_positions),
-            ("attitudes", trajectory.slow_attitudes, observed.slow_attitudes),
-        )
-        if slow is not None
-    ]
-
-
 # --- headings by course -----------------------------------------------------------------------
 #
 # The error of a magnetometer in an aircraft depends on the heading. A boresight absorbs its mean
@@ -378,16 +275,6 @@ class ByCourse:
     def differs(self) -> bool:
         """Whether heading errors differ significantly between courses."""
         return self.p < ALPHA
-
-    @property
-    def sentence(self) -> str:
-        """A sentence with the mean heading error of each course, and its likely cause."""
-        means = ", ".join(f"{c.off_deg:+.3g}° at {c.course_deg:.0f}°" for c in self.courses)
-        return (
-            f"recorded headings are off by another amount on another course: {means} (p "
-            f"{self.p:.1g}); the deviation of a magnetometer would look like this, and "
-            'attitude = ["deviation"] under [stages.mounting] estimates it'
-        )
 
 
 def by_course(bundle: Bundle) -> ByCourse | None:

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from acx4files.results import sentences
+from acx4files.results.sentences import not_determined
 from acx4lib import design
 from acx4lib.block import select_images
 from acx4lib.bundle.adjust import adjust, mounted_orientation
@@ -22,7 +24,6 @@ from acx4lib.calibration.estimates import (
     given,
     is_determined,
     needed,
-    not_determined,
     parameters,
     saying_what_lacks,
 )
@@ -186,8 +187,8 @@ def test_heads_whose_lever_arms_move_as_one_are_one_sentence(related, lines):
 def test_a_boresight_is_judged_by_the_attitudes_that_determine_it():
     rough = replace(with_sigmas(boresight_z=np.radians(1.2)), limit_boresight_deg=3.0)
     assert not_determined(rough) == []
-    assert "up to 1.2 degrees" in estimates.rough_boresights(rough)
-    assert estimates.rough_boresights(with_sigmas()) == ""
+    assert "up to 1.2 degrees" in sentences.rough_boresights(rough)
+    assert sentences.rough_boresights(with_sigmas()) == ""
     (line,) = not_determined(replace(rough, limit_boresight_deg=1.1))
     assert "boresight_kappa_deg" in line
     block = blocks.standard()
