@@ -12,7 +12,7 @@ import pandas as pd
 from acx4files.flight.block_from_tables import index_of
 from acx4files.flight.reader import Flight
 from acx4files.results import folder as results
-from acx4files.results import provenance
+from acx4files.results import provenance, sentences
 from acx4files.results.rows import (
     bundle_tables,
     exterior_table,
@@ -245,7 +245,7 @@ def with_prediction(record: Record, found: Prediction | Failed) -> Record:
     ((key, entry),) = record.summary.items()
     entries: dict[str, object] = {}
     if isinstance(found, Prediction):
-        entries, line = _prediction_summary(found), found.sentence
+        entries, line = _prediction_summary(found), sentences.prediction(found)
     else:
         line = f"exposures are not predicted: {found.reason}"
     notes = [*results.messages(entry, "notes"), f"{key}: {line}"]
