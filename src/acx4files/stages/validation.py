@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 from acx4files.flight.reader import Flight
 from acx4files.results import adjustments, earlier, folder, provenance, read_back
-from acx4files.results.adjustments import Record, mounted_block, of_validations
+from acx4files.results.adjustments import Record, mounted_block
 from acx4files.results.earlier import Earlier
+from acx4files.stages.diagnosed import of_validations
 from acx4files.stages.rig import of_attitudes
 from acx4lib.attempts import attempt
 from acx4lib.block import Block
