@@ -20,8 +20,7 @@ from acx4files.exchange.flight_folder import number_of
 from acx4files.exchange.lens import FLIP, Left, Pinhole
 from acx4files.exchange.safe import Opened, xml_tree
 from acx4files.flight.problems import quoted
-from acx4files.images import image_files
-from acx4files.images import tiff as tiff_files
+from acx4files.images import head_images
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera
@@ -155,7 +154,7 @@ def read(path: Path) -> Tags:
     source = safe.read(path)
     data = source.data
     try:
-        with tiff_files.in_silence():  # the EXIF of a JPEG is a TIFF without an image
+        with head_images.in_silence():  # the EXIF of a JPEG is a TIFF without an image
             parts_of = _of_jpeg if data[:2] == b"\xff\xd8" else _of_tiff
             size, exif, packet = parts_of(data)
     except BROKEN as error:
@@ -178,7 +177,7 @@ def read(path: Path) -> Tags:
 def _of_tiff(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], bytes]:
     """Return size, tags and XMP of a TIFF's first image."""
     with tifffile.TiffFile(io.BytesIO(data)) as tiff:
-        page, end = tiff.pages.first, tiff_files.end_of_pixels(tiff)
+        page, end = tiff.pages.first, head_images.end_of_pixels(tiff)
         if end > len(data):
             raise ValueError(f"is cut off: it has {len(data)} bytes of at least {end}")
         tags = {tag.code: tag for tag in page.tags.values()}
@@ -200,8 +199,8 @@ def _of_jpeg(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], by
     """Return size, tags and XMP of a JPEG."""
     exif: dict[str, Any] = {}
     size, packet = (0, 0, 0, 0), b""
-    for marker, part in image_files.segments(data):
-        if marker in image_files.FRAMES:
+    for marker, part in head_images.segments(data):
+        if marker in head_images.FRAMES:
             bits, height, width, samples = struct.unpack(">BHHB", part[:6])
             size = (width, height, samples, bits)
         elif marker == _APP1 and part.startswith(_EXIF_HEADER) and not exif:
@@ -211,7 +210,7 @@ def _of_jpeg(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], by
             packet = part[len(_XMP_HEADER) :]
     if not size[0]:
         raise ValueError("no frame header")
-    if not image_files.is_whole(data):
+    if not head_images.is_whole(data):
         raise ValueError("is cut off: its pixels have no end")
     end = packet.find(b"</x:xmpmeta>")  # some writers leave other bytes behind it
     return size, exif, packet[: end + len(b"</x:xmpmeta>")] if end >= 0 else packet
