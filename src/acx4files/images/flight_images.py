@@ -30,7 +30,7 @@ from acx4files.images.head_images import HeadFiles, flight_files
 from acx4files.images.image_files import fingerprint
 from acx4files.images.tiff import read_about
 from acx4files.results import folder as results
-from acx4files.results import own_folder, provenance, whole_files
+from acx4files.results import provenance, whole_files
 from acx4files.results.read_back import read_relative_orientation
 from acx4files.results.whole_files import file_stem
 from acx4lib.calibration.heads import RelativeOrientation, not_calibrated
@@ -130,7 +130,7 @@ def render_flight(
     files = flight_files(flight, [head.name for head in rig.orientation.heads])
     chosen = files.chosen(exposures)
     sources = spread(list(files.complete.values())) if options.equalise == "flight" else []
-    with own_folder.claim(folder, signs=[IMAGES], away_from=[flight.path]):
+    with whole_files.claim(folder, signs=[IMAGES]):
         complete = [files.complete[name] for name in chosen if name in files.complete]
         jobs = _jobs(rig, complete, folder, options, sources, threads)
         kept = [job for job in jobs if _is_made(job)]
