@@ -125,8 +125,8 @@ def of_classes(found: Validation) -> Row:
     """Return the classes of PEC-PCD that the check points reach, by scale."""
     said = accuracy.from_differences(found.points.d)
     reached = {scale: accuracy.pec_pcd(said, scale) for scale in SCALES}
-    plan = {f"plan_{scale}": each.plan for scale, each in reached.items()}
-    return plan | {f"height_{scale}": each.height for scale, each in reached.items()}
+    plan = {f"plan_{scale}": each["plan"] for scale, each in reached.items()}
+    return plan | {f"height_{scale}": each["height"] for scale, each in reached.items()}
 
 
 def in_synthetic_images(flight: Flight) -> tuple[Mounting, Validation]:

@@ -14,8 +14,9 @@ from numpy.testing import assert_allclose
 
 import acx4sim
 from acx4book.command import acx4
-from acx4files.results import adjustments, read_back
 from acx4files.results import folder as results
+from acx4files.results import read_back
+from acx4files.stages import diagnosed
 from acx4lib.calibration import mounting
 from support import blocks
 from support.helpers import repeats
@@ -80,7 +81,7 @@ def made(request, noisy_block):
 
 def test_a_calibration_comes_back_from_its_files(made, tmp_path):
     block, single = made
-    put(tmp_path, "mounting", [adjustments.of_mounting(single)])
+    put(tmp_path, "mounting", [diagnosed.of_mounting(single)])
     found = results.read(tmp_path)
     back = read_back.read_calibration(found, "mounting/single_step", block.cameras)
     assert_allclose(back.cov, single.calibration.cov, rtol=1e-9)

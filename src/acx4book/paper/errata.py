@@ -817,7 +817,7 @@ def _one_direction() -> Values:
 def _map_scale_classes(scales: Sequence[int] = (1000, 2000, 5000, 10000)) -> pd.DataFrame:
     """Classify Table 4 under PEC-PCD."""
     rows = [
-        {"method": method, **asdict(accuracy.pec_pcd(_printed_accuracy(method), scale))}
+        {"method": method, **accuracy.pec_pcd(_printed_accuracy(method), scale)}
         for scale in scales
         for method in paper.METHODS
     ]
@@ -843,7 +843,7 @@ def _map_scales() -> Values:
     ]
     printed = _printed_accuracy("two_step")
     sigma = from_summary(printed.n, mean=printed.mean, std=printed.std, rms=printed.std)
-    by_std = accuracy.pec_pcd(sigma, large).height
+    by_std = accuracy.pec_pcd(sigma, large)["height"]
     return {
         "small": small,
         "large": large,

@@ -349,13 +349,11 @@ KINDS = (
     (("Photo ", "> Value"), "exterior orientation"),
     (("> Deviation",), "standard deviation"),
     (("Camera1 ", "ignificance"), "significance"),
-    (("Quality > Cameras",), "coverage"),
     (("Cameras",), "camera"),
     (("Residuals",), "residual statistic"),
     (("Total error",), "residual statistic"),
     (("Sigma0",), "residual statistic"),
     (("Point Precision",), "standard deviation"),
-    (("Point Angles",), "angle of rays"),
     (("measurements",), "object point"),
 )
 """Words in the place of a quantity, and its kind; the first entry that fits is used."""

@@ -34,7 +34,6 @@ from acx4lib.synthetic_image.response import (
     fit_response,
     overlap_samples,
 )
-from acx4lib.tie_points.search import check_overlaps
 
 FRAME = (
     "An ideal central perspective without distortion. Image coordinates are mm from the middle of "
@@ -116,8 +115,6 @@ class RenderJob:
         Further entries for the description in the image.
     response : Response or None
         Response of the flight; None where there is none, or none is wanted.
-    checked : bool
-        Whether its pictures are known to belong together.
     threads : int or None
         Number of threads; None for all.
     """
@@ -131,7 +128,6 @@ class RenderJob:
     preview: Path
     about: Mapping[str, Any]
     response: Response | None = None
-    checked: bool = False
     threads: int | None = None
 
 
@@ -184,10 +180,7 @@ def _reduced(job: RenderJob, k: int) -> RenderJob:
 
 
 def _render(job: RenderJob, heads: HeadImages, tell: TellRows) -> Outcome:
-    """Check, equalise and write an image; cameras and images have the same size."""
-    wrong = [] if job.checked else check_overlaps(heads.images, job.orientation, job.synthetic)
-    if wrong:
-        return Outcome(exposure=job.exposure, problems=tuple(wrong))
+    """Equalise and write an image; cameras and images have the same size."""
     bands, dtype = heads.images[0].shape[2], heads.images[0].dtype
     if job.response is not None and job.response.coefficients.shape[1] != bands:
         others = f"{job.response.coefficients.shape[1]}; all must be alike"
@@ -403,8 +396,7 @@ def estimate_flight_response(
         n_bands = n_bands or heads.images[0].shape[2]
         reduced = reduced_heads(orientation, heads.reduction)
         camera = reduced_camera(synthetic, heads.reduction)
-        is_unlike = heads.images[0].shape[2] != n_bands
-        if is_unlike or check_overlaps(heads.images, reduced, camera):
+        if heads.images[0].shape[2] != n_bands:
             continue
         if here := overlap_samples(heads.images, reduced, camera, rng=rng):
             samples += here

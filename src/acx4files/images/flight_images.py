@@ -145,8 +145,7 @@ def render_flight(
         for job in waiting:
             equalised = job
             if response is not None:
-                checked = job.exposure in response.exposures
-                equalised = replace(job, response=response.fit.response, checked=checked)
+                equalised = replace(job, response=response.fit.response)
             outcomes[job.exposure] = outcome = render_exposure(equalised, tell)
             if outcome.problems:
                 tell(job.exposure, 0, 0)

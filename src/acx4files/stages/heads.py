@@ -10,6 +10,7 @@ import numpy as np
 
 from acx4files.flight.reader import Flight
 from acx4files.results import adjustments
+from acx4files.stages import diagnosed
 from acx4lib.attempts import Failed, attempt
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration import held
@@ -88,7 +89,6 @@ def _held_effect(
 def _record(name: str, fit: Bundle) -> adjustments.Record:
     """Return the record of a head, with its largest correlations in the summary."""
     key = f"heads/bundle/{name}"
-    record = adjustments.of_bundle("heads", "bundle", fit, summary_key=key)
-    record = adjustments.with_held(record, held.of_bundle(fit))
+    record = diagnosed.of_head(name, fit)
     largest: dict[str, object] = {**largest_pairs(interior_exterior(fit))}
     return replace(record, summary={key: {**record.summary[key], "largest_correlations": largest}})

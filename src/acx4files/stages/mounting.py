@@ -15,6 +15,7 @@ from acx4files.results.read_back import (
     read_carried,
     read_relative_orientation,
 )
+from acx4files.stages import diagnosed
 from acx4files.stages.order import rig_leads
 from acx4lib import shown
 from acx4lib.attempts import Failed
@@ -193,7 +194,7 @@ def write(
     factors : mapping of str to float
         Factors of the given standard deviations, by group of observations.
     """
-    records = adjustments.of_mountings(
+    records = diagnosed.of_mountings(
         mountings, applied=factors, over_ground=flight.validation is None
     )
     methods = METHODS if rig_leads(flight) else ()  # the rig has been written before

@@ -14,10 +14,10 @@ from acx4files.results import adjustments
 from acx4files.results.adjustments import (
     Record,
     of_left_out,
-    of_mounting,
     of_relative_orientation,
 )
 from acx4files.results.folder import messages
+from acx4files.stages.diagnosed import of_mounting
 from acx4files.stages.order import rig_leads
 from acx4lib import expected, shown
 from acx4lib.attempts import Failed, attempt

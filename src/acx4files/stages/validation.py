@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 from acx4files.flight.reader import Flight
 from acx4files.results import adjustments, folder, provenance, read_back
-from acx4files.results.adjustments import Record, of_validations
+from acx4files.results.adjustments import Record
 from acx4files.results.read_back import Earlier, calibrated, mounted_block, rigs_for
+from acx4files.stages.diagnosed import of_validations
 from acx4files.stages.rig import of_attitudes
 from acx4lib.attempts import attempt
 from acx4lib.block import Block

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -235,24 +235,6 @@ def _solved(r: _Residuals, chosen: Index, least: float) -> tuple[float, Array, i
     part = vectors[:, kept] / scale[:, None]
     along = part.T @ r.right[chosen]
     return float(np.sum(along**2 / values[kept])), (part / values[kept]) @ part.T, int(kept.sum())
-
-
-def as_json(bundle: Bundle) -> Mapping[str, object]:
-    """Return both tests as values for JSON, angles in degrees; null for a test without outcome."""
-    made = {"strips": between_strips(bundle), "drift": over_time(bundle)}
-    return {name: None if turns is None else _told(turns) for name, turns in made.items()}
-
-
-def _told(turns: Turns) -> dict[str, object]:
-    return {
-        "names": list(turns.names),
-        "turns_deg": np.degrees(turns.turns).tolist(),
-        "sigma_deg": np.degrees(turns.sigma).tolist(),
-        "f": turns.f,
-        "dof": turns.dof,
-        "redundancy": turns.redundancy,
-        "p": turns.p,
-    }
 
 
 # --- Dependence of an estimate on wind and hills, beside the planned strips

@@ -141,25 +141,6 @@ def test_a_bad_file_is_named_and_the_others_are_finished(rendered, own):
     assert names(folder) == ["E1.tif", "E1_preview.jpg", "images.csv"]
 
 
-@pytest.mark.parametrize("head", pictured.HEADS)
-def test_a_head_turned_by_180_degrees_is_found(rendered, own, head):
-    path = pictured.head_path(own[0], "E0", head)
-    tifffile.imwrite(path, tifffile.imread(path)[::-1, ::-1], photometric="rgb")
-    folder, report = rendered(of=own)
-    assert report.rendered == ("E1",)
-    assert "180" in report.problems[0]
-    assert report.problems[0].startswith("E0: ")
-    assert "E0.tif" not in names(folder)
-
-
-def test_heads_of_different_exposures_are_found(rendered, own):
-    other = pictured.head_path(own[0], "E1", "LEFT").read_bytes()
-    pictured.head_path(own[0], "E0", "LEFT").write_bytes(other)
-    _, report = rendered(of=own)
-    assert report.rendered == ("E1",)
-    assert report.problems[0].startswith("E0: ")
-
-
 def test_only_named_exposures_need_all_files(rendered, own):
     flight, _ = own
     table = pd.read_csv(flight / "heads" / "images.csv", dtype=str, keep_default_na=False)

@@ -9,7 +9,7 @@ from scipy import stats
 
 import acx4sim
 from acx4files import flight
-from acx4files.results.adjustments import of_validations
+from acx4files.stages.diagnosed import of_validations
 from acx4lib.bundle.adjust import adjust, free_orientation, mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting, expected_failures
 from acx4lib.bundle.rejections import Rejection, without

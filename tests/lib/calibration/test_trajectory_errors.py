@@ -8,8 +8,9 @@ from numpy.testing import assert_allclose
 
 import acx4sim
 from acx4book.report.words import parameter_title
-from acx4files.results import adjustments, read_back
 from acx4files.results import folder as results
+from acx4files.results import read_back
+from acx4files.stages import diagnosed
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.observations import position_errors
 from acx4lib.calibration import mounting, trajectory_errors
@@ -267,7 +268,7 @@ def noisy(striped):
 def folder(tmp_path_factory, noisy):
     path = tmp_path_factory.mktemp("results")
     found = mounting.calibrate(noisy, free=FREE, gnss=GNSS)
-    put(path, "mounting", adjustments.of_mountings(found))
+    put(path, "mounting", diagnosed.of_mountings(found))
     return path
 
 

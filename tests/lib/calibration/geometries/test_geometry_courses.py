@@ -7,7 +7,7 @@ import pytest
 
 import acx4sim
 from acx4files.flight import reader
-from acx4files.results import adjustments
+from acx4files.stages import diagnosed
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.calibration import mounting, trajectory_errors
 from support import blocks
@@ -73,7 +73,7 @@ def test_headings_that_differ_by_course_are_named_until_they_are_estimated(fligh
         angle = np.radians(one.course_deg)
         off = COMPASS_DEG @ np.array([np.sin(angle), np.cos(angle)])
         assert one.off_deg == pytest.approx(off, abs=0.02)  # the mean of all is the boresight's
-    (entry,) = adjustments.of_mounting(found).summary.values()
+    (entry,) = diagnosed.of_mounting(found).summary.values()
     assert any("the deviation of a magnetometer" in note for note in entry["notes"])
     assert not trajectory_errors.by_course(single(flights[0], "deviation").bundle).differs
 
