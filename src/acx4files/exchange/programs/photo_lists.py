@@ -135,7 +135,7 @@ def _read(file: Opened, camera: str = "") -> Table:
         "camera": [camera or (*header.cells, CAMERA)[min(len(header), 1)] for header, _ in pairs],
     }
     cells |= {
-        name: [row.cell(k, name) for _, row in pairs] for k, name in enumerate("point x y".split())
+        name: [row.cell(k, name) for _, row in pairs] for k, name in enumerate(["point", "x", "y"])
     }
     lines = np.array([row.number for _, row in pairs])
     table = checked(Table(file=file.file, lines=lines), cells, LISTED)
