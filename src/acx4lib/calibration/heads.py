@@ -18,10 +18,10 @@ from acx4lib.bundle.observations import shared_errors
 from acx4lib.bundle.rejections import without
 from acx4lib.calibration.estimates import (
     from_bundle,
-    not_determined,
     parameter_rows,
     reported_covariance,
     require_control,
+    undetermined,
 )
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
@@ -375,7 +375,7 @@ def declared_orientation(heads: Sequence[Camera], synthetic: Camera) -> Relative
 
 
 def _is_weak(fit: Bundle) -> bool:
-    return bool(not_determined(from_bundle(fit)))
+    return bool(undetermined(from_bundle(fit)))
 
 
 def common_exposures(heads: Heads) -> CommonExposures:

@@ -21,8 +21,9 @@ from acx4lib.calibration.estimates import (
     LIMIT_BORESIGHT_DEG,
     LIMIT_LEVER_M,
     Calibration,
+    Parameter,
     features,
-    not_determined,
+    undetermined,
 )
 from acx4lib.calibration.heads import RelativeOrientation, ground_scale
 from acx4lib.calibration.mounting import Mounting, single_step
@@ -67,7 +68,7 @@ def calibrate(block: Block, model: Model, *, step: Step = single_step) -> Mounti
     outcomes: list[Mounting | Failed] = []
     for trial in _holding(model):
         rig = attempt(_adjusted, step, block, trial)
-        if isinstance(rig, Mounting) and not not_determined(rig.calibration):
+        if isinstance(rig, Mounting) and not undetermined(rig.calibration):
             return rig
         outcomes.append(rig)
     outcome = next((candidate for candidate in outcomes if candidate), outcomes[0])
@@ -224,9 +225,10 @@ def relative_orientation(
     if synthetic is None:
         raise AdjustmentError("flight.toml has no table [synthetic]")
     calibration = rig.calibration
-    if not weak and (sentences := _open(calibration)):
-        others = f"; so are {len(sentences) - 1} others" if len(sentences) > 1 else ""
-        raise AdjustmentError(f"{sentences[0]}{others}")
+    if not weak and (open_ones := _open(calibration)):
+        first, others = open_ones[0], len(open_ones) - 1
+        so_are = f"; so are {others} others" if others else ""
+        raise AdjustmentError(f"{first.camera} {first.name} is not determined{so_are}")
     heads, n = calibration.cameras, len(calibration.cameras)
     scale = image_scale(rig)
     R_s_b = synthetic.T_b_c.R.T
@@ -255,21 +257,21 @@ def relative_orientation(
     )
 
 
-def _open(calibration: Calibration) -> list[str]:
-    """Return sentences on undetermined parameters; a common change of all mountings may be open."""
-    sentences, columns = not_determined(calibration), calibration.layout
+def _open(calibration: Calibration) -> list[Parameter]:
+    """Return undetermined parameters; a common change of all mountings may be open."""
+    open_ones, columns = undetermined(calibration), calibration.layout
     _, between, T = between_heads(calibration, columns)
-    if not sentences or not len(between) or calibration.open_columns.any():
-        return sentences
+    if not open_ones or not len(between) or calibration.open_columns.any():
+        return open_ones
     sigma = np.sqrt(calibration.sigma0_sq) * sigmas(propagate(T[between], calibration.cov))
     turns = np.isin(between, columns.mount[:, 3:])
     if np.any(sigma > np.where(turns, np.radians(LIMIT_BORESIGHT_DEG), LIMIT_LEVER_M)):
-        return sentences
+        return open_ones
     mounted = columns.mount[columns.mount >= 0]
     lens_columns = np.setdiff1d(np.arange(len(T)), mounted)
     of_lenses = calibration.cov[np.ix_(lens_columns, lens_columns)]
     layout, is_open = holding(columns, mounted), calibration.open_columns[lens_columns]
-    return not_determined(replace(calibration, layout=layout, cov=of_lenses, open_columns=is_open))
+    return undetermined(replace(calibration, layout=layout, cov=of_lenses, open_columns=is_open))
 
 
 def _less_first(J: Array, R_b_h: Array) -> None:

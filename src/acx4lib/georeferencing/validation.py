@@ -680,17 +680,9 @@ class Prediction:
         return two_sided_p(self.effective * self.sigma0_sq, self.effective)
 
     @property
-    def sentence(self) -> str:
-        """A sentence on the fit of the exposures."""
-        exposures = self.bundle.network.exposure_idx[self._seen]
-        n, east_north_height = len(np.unique(exposures)), self.position_rms_m
-        rms = ", ".join(f"{value:.2f}" for value in east_north_height)
-        return (
-            f"there are no check points; {shown.count(n, 'exposure')} that took no part in the "
-            f"calibration: rays meet within {self.rays_rms_px:.2f} px, positions are off by {rms} "
-            f"m (east, north, height; RMS), variance of unit weight "
-            f"{self.sigma0_sq:.3f} (p of chi-square {self.chi_square_p:.3f})"
-        )
+    def n_exposures(self) -> int:
+        """Number of exposures with measurements."""
+        return len(np.unique(self.bundle.network.exposure_idx[self._seen]))
 
 
 def predict(
