@@ -73,6 +73,13 @@ class Georeferenced:
         names = shown.names([camera.name for camera in self.cameras])
         return shown.line("Georeferenced", names, shown.count(len(self.T_m_c), "image"))
 
+    def between(self, a: Index, b: Index) -> Array:
+        """Return the covariances between the body poses of pairs of exposures, (n, 6, 6)."""
+        same = (a == b)[:, None, None]
+        if self.shared is None:
+            return np.where(same, self.cov_body[a], 0.0)
+        return np.where(same, self.cov_body[a], self.shared.between(a, b))
+
     def table(self) -> pd.DataFrame:
         """Return the poses of the images, which are counted from zero, in the mapping frame."""
         values = np.hstack([self.T_m_c.r, np.degrees(self.T_m_c.opk)])
@@ -158,13 +165,9 @@ class Rays:
     sigma_px: Array
 
     def __post_init__(self) -> None:
-        expected.shape("image_idx", self.image_idx)
-        n = len(self.image_idx)
-        expected.shape("group", self.group, (n,))
-        expected.shape("colrow", self.colrow, (n, 2))
-        expected.shape("sigma_px", self.sigma_px, (n,))
+        expected.shape("colrow", self.colrow, (len(self.image_idx), 2))
         expected.positive("sigma_px", self.sigma_px)
-        if n and (self.group[0] < 0 or np.any(np.diff(self.group) < 0)):
+        if np.any(np.diff(self.group, prepend=0) < 0):
             msg = f"group: expected ascending numbers from zero, got {self.group.tolist()[:10]} ..."
             raise ValueError(msg)
 
@@ -349,14 +352,12 @@ def ray_covariance(block: Block, georeferenced: Georeferenced, selected: Rays) -
     by_columns = intersections.by_parameters.reshape(2 * len(exposure), -1)
     return (
         np.diag(np.repeat(selected.sigma_px**2, 2))
-        + by_trajectory(intersections.by_body, exposure, g.cov_body, g.shared)
+        + by_trajectory(intersections.by_body, exposure, g)
         + by_columns @ g.cov_parameters @ by_columns.T
     )
 
 
-def by_trajectory(
-    by_body: Array, exposure: Index, cov_body: Array, shared: SharedErrors | None
-) -> Array:
+def by_trajectory(by_body: Array, exposure: Index, georeferenced: Georeferenced) -> Array:
     """Return the joint covariance of a few image points from the poses of the body.
 
     Parameters
@@ -364,8 +365,7 @@ def by_trajectory(
     by_body : ndarray, shape (n, 2, 6)
         d(image point) / d(body pose).
     exposure : ndarray, shape (n,)
-    cov_body : ndarray, shape (n_exposures, 6, 6)
-    shared : SharedErrors or None
+    georeferenced : Georeferenced
 
     Returns
     -------
@@ -373,11 +373,8 @@ def by_trajectory(
         px^2.
     """
     n = len(exposure)
-    first, second = (i.ravel() for i in np.indices((n, n)))
-    same_exposure = (exposure[first] == exposure[second])[:, None, None]
-    nothing: Array = np.zeros((n * n, 6, 6))
-    between = nothing if shared is None else shared.between(exposure[first], exposure[second])
-    body = np.where(same_exposure, cov_body[exposure[first]], between)
+    first, second = np.indices((n, n)).reshape(2, -1)
+    body = georeferenced.between(exposure[first], exposure[second])
     blocks = (by_body[first] @ body @ np.swapaxes(by_body[second], 1, 2)).reshape(n, n, 2, 2)
     return np.swapaxes(blocks, 1, 2).reshape(2 * n, 2 * n)
 
