@@ -200,8 +200,6 @@ class Intersections:
         A priori, from image points, trajectory and calibration, m^2.
     sources : ErrorSources
         The parts of `cov`, and the errors that points share.
-    cov_v : ndarray, shape (n, 2, 2)
-        Covariance of the misclosures of single rays, from image point and trajectory, px^2.
     by_point : ndarray, shape (n, 2, 3)
         d(v) / d(point).
     by_body : ndarray, shape (n, 2, 6)
@@ -214,7 +212,6 @@ class Intersections:
     v: Array
     cov: Array
     sources: ErrorSources
-    cov_v: Array
     by_point: Array
     by_body: Array
     by_parameters: Array
@@ -244,13 +241,7 @@ def measured(block: Block, georeferenced: Georeferenced, selected: Rays) -> Meas
     )
 
 
-def intersect_rays(
-    block: Block,
-    georeferenced: Georeferenced,
-    selected: Rays,
-    *,
-    weights: Array | None = None,
-) -> Intersections:
+def intersect_rays(block: Block, georeferenced: Georeferenced, selected: Rays) -> Intersections:
     """Intersect groups of rays: least squares of the image residuals.
 
     Parameters
@@ -258,8 +249,6 @@ def intersect_rays(
     block : Block
     georeferenced : Georeferenced
     selected : Rays
-    weights : ndarray, shape (n, 2, 2), optional
-        Weight matrices, px^-2; by default from sigma_px.
 
     Returns
     -------
@@ -269,17 +258,14 @@ def intersect_rays(
     Raises
     ------
     ValueError
-        For images that are not in the block, or weights of another shape.
+        For images that are not in the block.
     """
     expected.places("selected.image_idx", selected.image_idx, len(block.images))
-    if weights is not None:
-        expected.shape("weights", weights, (len(selected.group), 2, 2))
-    measurement = measured(block, georeferenced, selected)
-    P = weights if weights is not None else np.eye(2) / selected.sigma_px[:, None, None] ** 2
-    x_m = intersect(measurement.T_m_c.r, directions(measurement), selected.group, selected.n_groups)
+    measurement, refraction = measured(block, georeferenced, selected), georeferenced.refraction
+    r_m, P = measurement.T_m_c.r, np.eye(2) / selected.sigma_px[:, None, None] ** 2
+    x_m = intersect(r_m, directions(measurement), selected.group, selected.n_groups)
     for _ in range(20):
-        x_m_of_rays, refraction = x_m[selected.group], georeferenced.refraction
-        apparent = as_seen(measurement.T_m_c.r, x_m_of_rays, refraction=refraction)
+        apparent = as_seen(r_m, x_m[selected.group], refraction=refraction)
         v, by_interior, by_pose, B = image_derivatives(measurement, apparent)
         normal = _summed(np.swapaxes(B, 1, 2) @ P @ B, selected)
         right = _summed(np.einsum("nji,njk,nk->ni", B, P, v), selected)
@@ -297,18 +283,13 @@ def intersect_rays(
     sources = _error_sources(
         block, georeferenced, selected, gain, by_parameters=by_parameters, by_pose=by_pose
     )
-    cov_v = np.eye(2) * selected.sigma_px[:, None, None] ** 2
-    by_body = by_pose @ georeferenced.by_body[selected.image_idx]
-    exposure = block.images.exposure_idx[selected.image_idx]
-    cov_v = cov_v + propagate(by_body, georeferenced.cov_body[exposure])
     return Intersections(
         x_m=x_m,
         v=v,
         cov=sources.cov,
         sources=sources,
-        cov_v=cov_v,
         by_point=B,
-        by_body=by_body,
+        by_body=by_pose @ georeferenced.by_body[selected.image_idx],
         by_parameters=by_parameters,
     )
 
@@ -420,10 +401,6 @@ def _error_sources(
 # --- Ground points of single pixels on a known height: eqs (1)-(5) and (14), with their errors
 
 
-STEPS, CLOSE_M = 20, 1e-6
-"""Most steps to the surface of a height, and the distance from it that ends them."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GroundPoints:
     """Where pixels lie on the ground.
@@ -491,13 +468,10 @@ def ground_points(
     A point x fulfils v(x) = 0, the image residuals of eqs (1)-(11), and h(x) = h. So
     d(x) = [dv/dx; dh/dx]^-1 (-dv, dh), where dh/dx is the normal of the ellipsoid.
     """
-    n = len(pixels.image_idx)
     expected.places("pixels.image_idx", pixels.image_idx, len(block.images))
     expected.different("pixels.group", pixels.group.tolist(), "groups")
-    height = expected.numbers("height_m", height_m, (n,))
-    given = np.zeros(n) if sigma_height_m is None else sigma_height_m
-    sigma_h = expected.numbers("sigma_height_m", given, (n,))
-    expected.positive("sigma_height_m", sigma_h, zero=True)
+    height = expected.numbers("height_m", height_m, (len(pixels.image_idx),))
+    sigma_h = np.zeros(len(height)) if sigma_height_m is None else np.asarray(sigma_height_m)
     measurement = measured(block, georeferenced, pixels)
     x_m, lifted, met = _on_surface(
         block.frame, measurement.T_m_c.r, directions(measurement), height, georeferenced.refraction
@@ -531,12 +505,12 @@ def _on_surface(
     towards = np.where(down[:, None], towards, -up)
     seen_at = r_m + (frame.to_grid(r_m)[:, 2] - height)[:, None] * towards
     x_m, remaining = seen_at, np.full(len(r_m), np.inf)
-    for _ in range(STEPS):
+    for _ in range(20):
         x_m = 2 * seen_at - as_seen(r_m, seen_at, refraction=refraction)
         remaining = frame.to_grid(x_m)[:, 2] - height
-        if not np.any(np.abs(remaining) > CLOSE_M):
+        if not np.any(np.abs(remaining) > 1e-6):
             break
         slope = np.einsum("ni,ni->n", frame.grid_axes(x_m)[:, 2], towards)
         seen_at = seen_at - (remaining / slope)[:, None] * towards
     ahead = np.einsum("ni,ni->n", seen_at - r_m, towards) > 0
-    return x_m, seen_at, down & ahead & (np.abs(remaining) <= CLOSE_M)
+    return x_m, seen_at, down & ahead & (np.abs(remaining) <= 1e-6)
