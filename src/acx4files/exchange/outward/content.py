@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pandas as pd
 
-from acx4files.exchange.lens import WORST_PX, Left, above
+from acx4files.exchange.lens import Left, above
 from acx4files.flight.block_from_tables import BLOCKS, read_block, without_points
 from acx4files.flight.reader import Flight, checked
 from acx4files.flight.toml_file import read_toml
@@ -116,11 +116,9 @@ def read(results: str | Path, *, method: str = "", heads: bool = False) -> Calib
     usable = [name for name in ended if not heads or name in HEADS]
     chosen = method or next(iter(usable), "")
     if chosen not in usable:
-        entry = stored.summary.get(keys[chosen], {}) if chosen else {}
+        entry = stored.summary.get(keys.get(chosen, ""), {})
         said = [*folder.messages(entry, "stopped"), *folder.messages(entry, "left_out")]
-        said.append(f"it has {', '.join(ended) or 'none'}")
-        if heads and chosen in CAMERA:
-            said.insert(0, f"it is of one camera; of heads are {', '.join(HEADS)}")
+        said.append(f"it has {', '.join(ended) or 'none'}; of heads are {', '.join(HEADS)}")
         wanted = chosen or ("heads" if heads else "any method")
         problem = f"{stored.folder}: no calibration of {wanted} that can be exported"
         raise FlightError([f"{problem}; {said[0]}"])
@@ -159,7 +157,7 @@ def _of_relative_orientation(related: RelativeOrientation, synthetic: Camera | N
     estimated = np.diag(related.cov_joint) > 0
     estimated = np.concatenate([np.tile([False] * 3 + [True] * 3, n), estimated[6 * n :]])
     kept = np.flatnonzero(estimated)
-    columns = np.full(15 * n, -1)
+    columns = np.full(16 * n, -1)
     columns[kept] = np.arange(len(kept))
     J = np.eye(len(related.cov_joint))  # to rotations about the heads' own axes
     for k, opk in enumerate(related.opk):
@@ -168,7 +166,7 @@ def _of_relative_orientation(related: RelativeOrientation, synthetic: Camera | N
     return Calibration(
         cameras=cameras,
         layout=Layout(
-            interior=columns[6 * n :].reshape(n, 9),
+            interior=columns[6 * n :].reshape(n, 10),
             mount=columns[: 6 * n].reshape(n, 6),
             pose=np.zeros((0, 6), dtype=np.intp),
         ),
@@ -450,54 +448,39 @@ class Taken:
         By camera, how far the lens of the other program is from the calibrated one.
     assumed, left_out : tuple of str
         Conventions of the files, and what they have no place for: a sentence each.
-    without_lenses : Taken, optional
-        What is worth having where a lens is too far: the files without lenses.
     """
 
     files: Mapping[str, str]
     lenses: Mapping[str, Left] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
-    without_lenses: Taken | None = None
 
 
 def near(taken: Taken, allowed_px: float = LARGEST_PX) -> Taken:
-    """Return an export if its lenses are near enough, else its part without lenses.
+    """Return an export if its lenses are near enough.
 
     Raises
     ------
     OutputError
-        Where a lens differs by more than is allowed and nothing is worth having without.
+        Where a lens differs by more than is allowed.
     """
-    far = {
-        name: refit
-        for name, refit in taken.lenses.items()
-        if not refit.largest_px <= (max(allowed_px, WORST_PX) if refit.returned else allowed_px)
-    }
-    if not far:
-        return taken
-    name, difference = max(far.items(), key=lambda item: item[1].largest_px)
-    msg = (
-        f"{name}: the other program's lens differs by {difference.largest_px:.3g} px somewhere "
-        f"in the image, more than {allowed_px:g} px; --allow {above(difference.largest_px)} "
-        "exports it nevertheless"
-    )
-    if taken.without_lenses is None:
-        raise OutputError(msg)
-    less = taken.without_lenses
-    return replace(less, left_out=(*less.left_out, f"lenses: {msg}"))
+    for name, left in sorted(taken.lenses.items(), key=lambda item: -item[1].largest_px):
+        if not left.largest_px <= allowed_px:
+            msg = (
+                f"{name}: the other program's lens differs by {left.largest_px:.3g} px somewhere "
+                f"in the image, more than {allowed_px:g} px; --allow {above(left.largest_px)} "
+                "exports it nevertheless"
+            )
+            raise OutputError(msg)
+    return taken
 
 
 def sentences(taken: Taken) -> tuple[str, ...]:
     """Return a sentence for each lens on its difference."""
-    phrases = {
-        False: "lens refitted over the whole image, off",
-        True: "lens not estimated, so that it goes back as it came: the flight's camera is off",
-    }
     return tuple(
-        f"{name}: {phrases[refit.returned]} by at most {refit.largest_px:.4f} px, "
-        f"rms {refit.rms_px:.4f} px"
-        for name, refit in taken.lenses.items()
+        f"{name}: lens refitted over the whole image, off by at most {left.largest_px:.4f} px, "
+        f"rms {left.rms_px:.4f} px"
+        for name, left in taken.lenses.items()
     )
 
 
