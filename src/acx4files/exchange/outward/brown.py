@@ -11,17 +11,14 @@ from scipy.optimize import least_squares
 
 from acx4files.exchange import lens
 from acx4files.exchange.lens import FLIP, Left, Pinhole
-from acx4lib.expected import Array, Index
-from acx4lib.geometry.camera import Camera, Interior, correct, reduced, xy_from_colrow
+from acx4lib.expected import Array
+from acx4lib.geometry.camera import Camera, correct, reduced, xy_from_colrow
 
 CORNER = 0.5
 """Offset of pixels in programs where (0, 0) is the outer corner of the top-left pixel."""
 
 Holes = Literal["skewed", "plain", "square"]
 """Pinholes that a program can have: two focal lengths with or without skew, or one."""
-
-STEPS = (1e-4, 1e-4, 1e-4, 1e-9, 1e-12, 1e-15, 1e-9, 1e-9, 1e-6, 1e-6)
-"""Smallest steps of interior parameters for differences, in their units."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,12 +38,6 @@ class Brown:
     hole: Pinhole
     coefficients: Array
     left: Left
-
-    @property
-    def values(self) -> Array:
-        """Focal lengths, principal point, skew and coefficients, shape (10,)."""
-        hole = self.hole
-        return np.array([hole.fx, hole.fy, hole.cx, hole.cy, hole.skew, *self.coefficients])
 
 
 def nearest(camera: Camera, holes: Holes = "skewed") -> Brown:
@@ -99,30 +90,3 @@ def all_nearest(cameras: Sequence[Camera], holes: Holes) -> dict[str, Brown]:
 def left_of(lenses: Mapping[str, Brown]) -> dict[str, Left]:
     """Return how far the lenses are from the cameras, by the names of these."""
     return {name: lens.left for name, lens in lenses.items()}
-
-
-def derivatives(camera: Camera, columns: Index, n_columns: int) -> Array:
-    """Return d(fx, fy, cx, cy, skew, k1, k2, p1, p2, k3) / d(columns of a calibration).
-
-    By differences.
-
-    Parameters
-    ----------
-    camera : Camera
-    columns : ndarray, shape (10,)
-        Of its interior parameters; -1 for those that are held.
-    n_columns : int
-
-    Returns
-    -------
-    ndarray, shape (10, n_columns)
-    """
-    J, values = np.zeros((10, n_columns)), camera.interior.to_array()
-    for j in np.flatnonzero(columns >= 0):
-        step = np.eye(len(values))[j] * max(1e-6 * abs(values[j]), STEPS[j])
-        ends = [
-            nearest(camera.with_interior(Interior.from_array(values + sign * step))).values
-            for sign in (1, -1)
-        ]
-        J[:, columns[j]] = (ends[0] - ends[1]) / (2 * step[j])
-    return J

@@ -74,9 +74,6 @@ ASSUMED = (
     "lever_sigma_m and mount_sigma_deg are comments: without # they make the mounting an "
     "observation of the next calibration",
 )
-NOT_MOUNTED = (
-    "the mounting is not estimated: mount angles have the heads' rotations relative to each other"
-)
 FRAME = (
     "{} is a synthetic camera, whose mount angles in flight.toml also define the frame of its "
     "images: where images are rendered anew, keep the old angles"
@@ -86,9 +83,7 @@ FRAME = (
 def _toml_cameras(calibrated: Calibrated) -> Taken:
     """Return the tables ``[cameras.NAME]`` with calibrated values, sigma as comments."""
     synthetic, remarks = calibrated.flight.synthetic, list(ASSUMED)
-    if not calibrated.mounted:
-        remarks.append(NOT_MOUNTED)
-    elif synthetic is not None and synthetic.camera in [c.name for c in calibrated.cameras]:
+    if synthetic is not None and synthetic.camera in [c.name for c in calibrated.cameras]:
         remarks.append(FRAME.format(synthetic.camera))
     return Taken(
         files={FILE: "\n".join(_tables(calibrated))},
@@ -101,9 +96,8 @@ def _tables(calibrated: Calibrated) -> Iterator[str]:
     listed = parameters(calibrated.calibration)
     for k, camera in enumerate(calibrated.cameras):
         yield camera_toml(camera).rstrip("\n")
-        if calibrated.mounted:
-            for key, sigma in zip(SIGMAS, _mount_sigmas(calibrated, k), strict=True):
-                yield f"# {key} = {sigma.tolist()}"
+        for key, sigma in zip(SIGMAS, _mount_sigmas(calibrated, k), strict=True):
+            yield f"# {key} = {sigma.tolist()}"
         of_camera = [p for p in listed if p.camera == camera.name]
         yield from (f"# sigma of {p.name}: {p.sigma:.3g} {p.unit}" for p in of_camera)
         yield ""
@@ -310,17 +304,10 @@ METASHAPE_POSITIONS = "positions of heads in a rig: --orientations BLOCK has tho
 METASHAPE_RIGID = (
     "that the heads are a rig: every image has its own pose, which has its head's position"
 )
-METASHAPE_PARAMS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "p1", "p2")
-"""Parameters, in the order in which they are written."""
-
-METASHAPE_VALUES = np.zeros((10, 10))
-"""d(PARAMS) / d(fx, fy, cx, cy, skew, k1, k2, p1, p2, k3); cx, cy but for the middle."""
-METASHAPE_VALUES[range(10), [1, 2, 3, 0, 4, 5, 6, 9, 8, 7]] = 1
-METASHAPE_VALUES[3, 1] = -1
 
 
 def _metashape_cameras(calibrated: Calibrated) -> Taken:
-    """Return a calibration for every camera, and cameras.xml with sensors and covariances."""
+    """Return a calibration for every camera, and cameras.xml with sensors."""
     made, document, _ = _metashape_sensors(calibrated)
     rig = to_first(calibrated.calibration)
     for sensor, head in zip([*document.iter("sensor")][1:], rig[1:], strict=True):
@@ -388,28 +375,27 @@ def _metashape_sensors(calibrated: Calibrated) -> tuple[Taken, ET.Element, ET.El
             calibration = ET.SubElement(sensor, "calibration", {"type": "frame", "class": kind})
             ET.SubElement(calibration, "resolution", width=width, height=height)
             _metashape_lens(calibration, camera, lens)
-        _metashape_covariance(sensor, calibrated, k)
     return Taken(files=files, lenses=brown.left_of(lenses)), document, chunk
 
 
 def _metashape_lens(element: ET.Element, camera: Camera, lens: Brown) -> None:
-    values = METASHAPE_VALUES @ lens.values
-    values[1:3] -= [0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)]
-    for name, value in zip(METASHAPE_PARAMS, values, strict=True):
+    """Write the parameters in their order; b1 and b2 where they are not zero."""
+    hole, (k1, k2, p1, p2, k3) = lens.hole, lens.coefficients
+    values = {
+        "f": hole.fy,
+        "cx": hole.cx - 0.5 * (camera.width_px - 1),
+        "cy": hole.cy - 0.5 * (camera.height_px - 1),
+        "b1": hole.fx - hole.fy,
+        "b2": hole.skew,
+        "k1": k1,
+        "k2": k2,
+        "k3": k3,
+        "p1": p2,
+        "p2": p1,
+    }
+    for name, value in values.items():
         if value or name not in ("b1", "b2"):
             add_numbers(element, name, [value])
-
-
-def _metashape_covariance(sensor: ET.Element, calibrated: Calibrated, k: int) -> None:
-    calibration = calibrated.calibration
-    columns = calibration.layout.interior[k]
-    J = METASHAPE_VALUES @ brown.derivatives(calibration.cameras[k], columns, calibration.n_columns)
-    cov = propagate(J, calibration.cov)
-    kept = np.flatnonzero(np.diag(cov) > 0)
-    if len(kept):
-        element = ET.SubElement(sensor, "covariance")
-        ET.SubElement(element, "params").text = " ".join(METASHAPE_PARAMS[i] for i in kept)
-        add_numbers(element, "coeffs", cov[np.ix_(kept, kept)].ravel())
 
 
 # --- All of them
