@@ -77,7 +77,7 @@ KIND, cameras:
   opencv           YAML for cv::FileStorage, a file for each camera; rigs with R and T
   micasense        XMP tags of the heads, among them RigRelatives, and these with sigma
 KIND, cameras, and with --orientations BLOCK its images:
-  metashape        calibrations; cameras.xml with sensors, covariances, slaves of a rig
+  metashape        calibrations; cameras.xml with sensors, slaves of a rig
   colmap           cameras.txt, rigs.txt; a whole model as text
 KIND, images of --orientations BLOCK:
   opk              east, north, height, omega, phi, kappa in the flight's grid, with sigma
@@ -103,7 +103,7 @@ def export(
     method: Annotated[
         str,
         terminal.option(
-            "NAME", "single_step, rig, refined, ...: which calibration; else the best."
+            "NAME", "single_step, rig, ...: which calibration; else the best."
         ),
     ] = "",
     orientations: Annotated[

@@ -210,12 +210,12 @@ def properties(packet: bytes, path: Path) -> Properties:
     """
     root = xml_tree(Opened(file=f"{path} (XMP)", data=packet.strip(b"\0 \t\r\n")))
     found: dict[str, tuple[str, ...]] = {}
-    for description in root.everywhere(f"{RDF} Description"):
-        for name, value in description.attributes.items():
+    for description in root.iter(f"{RDF} Description"):
+        for name, value in description.attrib.items():
             found[_known(name)] = (value.strip(),)
-        for child in description.below:
-            items = [item for below in child.below if below.tag in LISTS for item in below.below]
-            found[_known(child.tag)] = tuple(item.text for item in items or [child])
+        for child in description:
+            items = [item for below in child if below.tag in LISTS for item in below]
+            found[_known(child.tag)] = tuple(item.text or "" for item in items or [child])
     found.pop("", None)
     return found
 
