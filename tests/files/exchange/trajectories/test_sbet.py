@@ -221,8 +221,8 @@ def test_velocities_that_do_not_fit_are_seen(tmp_path, made):
     off, speed = map(float, re.search(r"differ by (\S+) m/s .* at (\S+) m/s", said).groups())
     assert off < 0.3
     assert speed == pytest.approx(56.0, abs=3.0)
-    said = " ".join(at_rate(tmp_path, made, 0.005, westward=-1).left_out)
-    assert float(re.search(r"of position by (\S+) m/s", said)[1]) > 30
+    said = " ".join(at_rate(tmp_path, made, 0.005, westward=-1).found)
+    assert float(re.search(r"differ by (\S+) m/s", said)[1]) > 30
 
 
 # --- Time bases of events
@@ -236,7 +236,6 @@ def test_velocities_that_do_not_fit_are_seen(tmp_path, made):
         # GPS week 2300 began on Sunday, 4 February 2024; a Monday follows
         ("iso-8601", "image,time\nA,2024-02-05T00:00:01.25Z\n", 86_400, 86_401.25),
         ("iso-8601", "image,time\nA,2024-02-05T02:00:01+02:00\n", 86_400, 86_401.0),
-        ("iso-8601-gps", "image,time\nA,2024-02-04 00:00:02\n", 0, 2.0),
     ],
 )
 def test_every_base(tmp_path, made, base, event, start, expected):
@@ -250,8 +249,11 @@ def test_every_base(tmp_path, made, base, event, start, expected):
     [
         ("gps-sow", "image,time\nA,700000\n", ":2: time: '700000'; must be seconds of the week"),
         ("gps-week-sow", "image,time,week\nA,1,1.5\n", "must be the GPS week"),
-        ("iso-8601", "image,time\nA,2024-02-05T00:00:01\n", "needs a zone, such as Z; or decla"),
-        ("iso-8601-utc", "image,time\nA,2024-02-05T00:00:01Z\n", "must have no zone"),
+        (
+            "iso-8601",
+            "image,time\nA,2024-02-05T00:00:01\n",
+            "must be a date with its time and zone",
+        ),
         ("iso-8601", "image,time\nA,5.2.2024\n", "must be a date with its time"),
     ],
 )
