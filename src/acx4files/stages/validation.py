@@ -12,7 +12,6 @@ from acx4files.results import adjustments, earlier, folder, provenance, read_bac
 from acx4files.results.adjustments import Record, mounted_block
 from acx4files.results.earlier import Earlier
 from acx4files.stages.diagnosed import of_validations
-from acx4files.stages.rig import of_attitudes
 from acx4lib.attempts import attempt
 from acx4lib.block import Block
 from acx4lib.calibration.estimates import Calibration, features
@@ -146,7 +145,7 @@ def _validations(
     flight: Flight, block: Block, calibrations: Mapping[str, Calibration]
 ) -> list[Validation]:
     return [
-        validate(block, calibration, method=method, refraction=flight.refraction)
+        validate(block, calibration, flight.model, method=method)
         for method, calibration in calibrations.items()
     ]
 
@@ -200,9 +199,8 @@ def _with_prediction(
         predict,
         validation.block,
         calibration,
+        flight.heads_model,
         method=validation.method,
-        refraction=flight.refraction,
-        gnss=of_attitudes(flight.gnss),
     )
     return adjustments.with_prediction(record, prediction)
 
