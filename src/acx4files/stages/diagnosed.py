@@ -7,8 +7,8 @@ from dataclasses import asdict
 
 import numpy as np
 
-from acx4files.results import adjustments
-from acx4files.results.adjustments import Record, of_failure, of_left_out
+from acx4files.results import tables
+from acx4files.results.folder import Record
 from acx4lib.bundle import variance_components
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.variance_components import BOUNDS, Component
@@ -44,7 +44,7 @@ def of_head(name: str, bundle: Bundle) -> Record:
     """Return the record of a head that was adjusted by itself."""
     key, of_bundle = f"heads/bundle/{name}", diagnosis.of(bundle)
     entry = {**_entries(key, "bundle", of_bundle), **_held_entries(held.of_bundle(bundle))}
-    return adjustments.of_bundle(key, bundle, of_bundle.calibration, entry)
+    return tables.of_bundle(key, bundle, of_bundle.calibration, entry)
 
 
 def of_mounting(
@@ -73,7 +73,7 @@ def of_mounting(
     if moved is not None:
         entry["held_effect_m"] = moved.largest_m.tolist()
         entry["held_effect_sigma"] = moved.largest_sigma.tolist()
-    return adjustments.of_bundle(key, mounting.bundle, mounting.calibration, entry)
+    return tables.of_bundle(key, mounting.bundle, mounting.calibration, entry)
 
 
 def of_mountings(
@@ -90,11 +90,8 @@ def of_mountings(
         of_mounting(m, applied=applied, over_ground=over_ground) for m in mountings.methods.values()
     ]
     for method, reason in mountings.failures.items():
-        if method == "single_step":
-            key = f"mounting/{method}"
-            records.append(of_failure("mounting", method, f"{key}: {reason}", summary_key=key))
-        else:
-            records.append(of_left_out("mounting", method, reason))
+        of = "not_determined" if method == "single_step" else "left_out"
+        records.append(tables.not_adjusted(f"mounting/{method}", reason, of=of))
     return records
 
 
@@ -120,7 +117,7 @@ def of_validations(
     """
     if not validations:
         reason = "no method has all its parameters determined"
-        return [of_left_out("validation", "all", reason)]
+        return [tables.not_adjusted("validation/all", reason)]
     records = []
     for validation in validations:
         entry: dict[str, object] = {}
@@ -130,7 +127,7 @@ def of_validations(
             found = weak.of_calibration(calibration, shares)
             key = f"validation/{validation.method}"
             entry = _entries_of_weak(key, found, features, late=late)
-        records.append(adjustments.of_validation(validation, entry))
+        records.append(tables.of_validation(validation, entry))
     return records
 
 

@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from acx4files.flight.reader import Flight
-from acx4files.results import adjustments, folder, provenance, read_back
-from acx4files.results.adjustments import Record
+from acx4files.results import folder, provenance, read_back, tables
+from acx4files.results.folder import Record
 from acx4files.results.read_back import Earlier, calibrated, mounted_block, rigs_for
 from acx4files.stages.diagnosed import of_validations
 from acx4files.stages.rig import of_attitudes
 from acx4lib.attempts import attempt
 from acx4lib.block import Block
 from acx4lib.calibration.estimates import Calibration, features
-from acx4lib.georeferencing.validation import Validation, predict, validate
+from acx4lib.georeferencing.validation import Prediction, Validation, predict, validate
 from acx4lib.shown import ByName
 
 
@@ -206,7 +206,12 @@ def _with_prediction(
         refraction=flight.refraction,
         gnss=of_attitudes(flight.gnss),
     )
-    return adjustments.with_prediction(record, prediction)
+    entries, said = {}, f"exposures are not predicted: {getattr(prediction, 'reason', '')}"
+    if isinstance(prediction, Prediction):
+        entries, said = tables.prediction_entries(prediction), prediction.sentence
+    ((key, entry),) = record.summary.items()
+    notes = [*folder.messages(entry, "notes"), f"{key}: {said}"]
+    return replace(record, summary={key: {**entry, **entries, "notes": notes}})
 
 
 def _write(
@@ -223,7 +228,7 @@ def _write(
         records = [
             _named(record, origin, note) for record, note in zip(records, notes, strict=True)
         ]
-    adjustments.write(results_path, "validation", records, flight=flight, calibration=origin)
+    provenance.write(results_path, "validation", records, flight=flight, calibration=origin)
 
 
 def _named(record: Record, origin: Mapping[str, object], notes: Sequence[str]) -> Record:
