@@ -21,6 +21,7 @@ from acx4lib.calibration.estimates import Calibration
 from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.georeferencing import validation
+from acx4lib.model import Model
 from support.flights import written
 
 SINGLE = "mounting/single_step"
@@ -43,7 +44,7 @@ def leave_results(folder, *, seed=2):
     at, kept = Path(folder) / "flight", Path(folder) / "results"
     acx4sim.write(acx4sim.DESIGNS["single-head"](seed=seed), at)
     flown = flight.read(at)
-    found = mounting.calibrate(flown.calibration, free=flown.estimate_mounting)
+    found = mounting.calibrate(flown.calibration, Model(free=flown.estimate_mounting))
     provenance.write(kept, "mounting", diagnosed.of_mountings(found), flight=flown)
     calibrations = read_back.calibrations_for(flown, results.read(kept), flown.validation.cameras)
     validated = [

@@ -42,12 +42,7 @@ def run(flight: Flight, results_path: str | Path) -> HeadsStage:
 
 def calibrate(flight: Flight) -> HeadsStage:
     """Adjust every head of the block heads separately, and orient the heads to each other."""
-    heads = calibrate_heads(
-        flight.block("heads"),
-        flight.head_names,
-        free=flight.estimate_heads,
-        refraction=flight.refraction,
-    )
+    heads = calibrate_heads(flight.block("heads"), flight.head_names, flight.heads_model)
     return HeadsStage(heads, attempt(relative_orientation, heads, flight.synthetic_camera))
 
 

@@ -114,13 +114,9 @@ def calibrate(flight: Flight, block: Block | None = None) -> MountingStage:
             msg = "block calibration is measured in heads: give it with points transferred, `block`"
             raise ValueError(msg)
         block = flight.block("calibration")
-    free, fix, refraction = flight.estimate_mounting, flight.fix, flight.refraction
-    block, factors = mounting.weighted(
-        block, weights=flight.weights, free=free, fix=fix, refraction=refraction, gnss=flight.gnss
-    )
-    outcomes = mounting.outcomes(block, free=free, fix=fix, refraction=refraction, gnss=flight.gnss)
-    together = mounting.together(outcomes)
-    return MountingStage(block=block, sigma_factors=factors, mountings=together)
+    block, factors = mounting.weighted(block, flight.model, weights=flight.weights)
+    mountings = mounting.calibrate(block, flight.model)
+    return MountingStage(block=block, sigma_factors=factors, mountings=mountings)
 
 
 def measured(flight: Flight, results_path: str | Path) -> Block:

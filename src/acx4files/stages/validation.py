@@ -12,7 +12,6 @@ from acx4files.results import folder, provenance, read_back, tables
 from acx4files.results.folder import Record
 from acx4files.results.read_back import Earlier, calibrated, mounted_block, rigs_for
 from acx4files.stages.diagnosed import of_validations
-from acx4files.stages.rig import of_attitudes
 from acx4lib.attempts import attempt
 from acx4lib.block import Block
 from acx4lib.calibration.estimates import Calibration, features
@@ -148,7 +147,7 @@ def _validations(
     flight: Flight, block: Block, calibrations: Mapping[str, Calibration]
 ) -> list[Validation]:
     return [
-        validate(block, calibration, method=method, refraction=flight.refraction)
+        validate(block, calibration, flight.model, method=method)
         for method, calibration in calibrations.items()
     ]
 
@@ -202,9 +201,8 @@ def _with_prediction(
         predict,
         validation.block,
         calibration,
+        flight.heads_model,
         method=validation.method,
-        refraction=flight.refraction,
-        gnss=of_attitudes(flight.gnss),
     )
     entries, said = {}, f"exposures are not predicted: {getattr(prediction, 'reason', '')}"
     if isinstance(prediction, Prediction):

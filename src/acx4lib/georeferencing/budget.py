@@ -168,7 +168,6 @@ def predict(
     *,
     sigma_px: float,
     sigma_survey_m: Array | None = None,
-    refraction: str = "none",
 ) -> Budget:
     """Predict the errors of points that are intersected from all images showing them.
 
@@ -186,8 +185,6 @@ def predict(
         Standard deviation of every image point.
     sigma_survey_m : ndarray, shape (3,), optional
         Of the coordinates with which a point is compared, east, north, height; zero by default.
-    refraction : str
-        ``"none"`` or ``"standard"``.
 
     Returns
     -------
@@ -201,7 +198,6 @@ def predict(
         x_m,
         sigma_px=sigma_px,
         sigma_survey_m=sigma_survey_m,
-        refraction=refraction,
     )
     variance = np.full((len(x_m), 3, len(SOURCES)), np.nan)
     variance[points] = of(met, georeferenced.layout).variance
@@ -215,14 +211,13 @@ def _sources_at(
     *,
     sigma_px: float,
     sigma_survey_m: Array | None = None,
-    refraction: str = "none",
 ) -> tuple[Index, ErrorSources]:
     """Return the points that are predicted, and the sources of their errors; as `predict`."""
     x_m = expected.numbers("x_m", x_m, ("n", 3))
     expected.positive("sigma_px", sigma_px)
     survey = np.zeros(3) if sigma_survey_m is None else sigma_survey_m
     expected.shape("sigma_survey_m", survey, (3,))
-    image_idx, point_idx, colrow = shown(block, georeferenced, x_m, refraction=refraction)
+    image_idx, point_idx, colrow = shown(block, georeferenced, x_m)
     towards = x_m[point_idx] - georeferenced.T_m_c.r[image_idx]
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
     known = largest_angles(towards, point_idx, len(x_m)) >= block.smallest_angle
@@ -234,15 +229,13 @@ def _sources_at(
         colrow=colrow[rows],
         sigma_px=np.full(len(rows), sigma_px),
     )
-    met = direct.intersect_rays(block, georeferenced, measured, refraction=refraction)
+    met = direct.intersect_rays(block, georeferenced, measured)
     sources = turned(met.sources, block.frame.grid_axes(x_m[points]))
     surveyed = np.tile(np.diag(np.asarray(survey) ** 2), (len(points), 1, 1))
     return points, replace(sources, survey=surveyed)
 
 
-def shown(
-    block: Block, georeferenced: Georeferenced, x_m: Array, *, refraction: str = "none"
-) -> tuple[Index, Index, Array]:
+def shown(block: Block, georeferenced: Georeferenced, x_m: Array) -> tuple[Index, Index, Array]:
     """Return all projections of points into images: image, point and pixel of each.
 
     Parameters
@@ -251,8 +244,6 @@ def shown(
     georeferenced : Georeferenced
     x_m : ndarray, shape (n, 3)
         Mapping frame, m.
-    refraction : str
-        ``"none"`` or ``"standard"``.
 
     Returns
     -------
@@ -264,7 +255,7 @@ def shown(
     limits = [_limits(camera) for camera in georeferenced.cameras]
     for i, k in enumerate(block.images.camera_idx):
         camera, T_m_c = georeferenced.cameras[k], georeferenced.T_m_c[i : i + 1]
-        seen_at = as_seen(T_m_c.r, x_m, refraction=refraction)
+        seen_at = as_seen(T_m_c.r, x_m, refraction=georeferenced.refraction)
         ideal = pinhole(camera.interior.f, to_camera(T_m_c, seen_at))
         near = np.flatnonzero(np.all(np.abs(ideal) <= limits[k], axis=1))
         pixels = project(camera, T_m_c, seen_at[near])

@@ -21,6 +21,7 @@ from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.trajectory_errors import parameters as gnss_parameters
 from acx4lib.georeferencing import weak
 from acx4lib.georeferencing.validation import validate
+from acx4lib.model import Model
 from acx4sim.designs import PLANS
 from acx4sim.files import write_files
 from acx4sim.plan import Options
@@ -248,7 +249,7 @@ def flights_of_a_plan_flown(plan, seed, *, change=None, **options):
 
 def calibrated(flight):
     return mounting.single_step(
-        flight.calibration, free=flight.estimate_mounting, fix=flight.fix, gnss=flight.gnss
+        flight.calibration, Model(free=flight.estimate_mounting, fix=flight.fix, gnss=flight.gnss)
     )
 
 

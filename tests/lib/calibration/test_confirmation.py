@@ -15,6 +15,7 @@ from acx4lib.calibration.mounting import single_step
 from acx4lib.geometry.camera import Interior
 from acx4lib.geometry.frames import Pose, exp, log
 from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, MOUNT, Prior
+from acx4lib.model import Model
 from support import blocks
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")
@@ -45,7 +46,7 @@ def known(lever_m=np.inf, turn_deg=np.inf):
 
 
 def compared(block):
-    return {c.part: c for c in confirmations(single_step(block, free=FREE).bundle)}
+    return {c.part: c for c in confirmations(single_step(block, Model(free=FREE)).bundle)}
 
 
 def test_the_convergence_of_the_blocks_is_as_said():
@@ -102,7 +103,7 @@ def test_what_is_significant_with_sigma_is_too_much_and_shown_as_the_others_say(
 def test_the_test_is_that_of_an_independent_estimate(noisy_block):
     """d' (D + Q)^-1 d without the observation is d' (D - Q)^-1 d with it."""
     block = declared(noisy_block, lever_m=(0.02, -0.03, 0.05), prior=known())
-    fit = single_step(block, free=FREE)
+    fit = single_step(block, Model(free=FREE))
     columns = fit.calibration.layout.mount[0, :3]
     Q = fit.calibration.cov[np.ix_(columns, columns)]
     d = fit.calibration.cameras[0].T_b_c.r - block.cameras[0].T_b_c.r
@@ -112,8 +113,8 @@ def test_the_test_is_that_of_an_independent_estimate(noisy_block):
 
 
 def test_declared_values_with_their_sigma_improve_the_estimates(noisy_block):
-    loose = single_step(declared(noisy_block, prior=known()), free=FREE)
-    tight = single_step(declared(noisy_block, prior=known(0.01, 0.002)), free=FREE)
+    loose = single_step(declared(noisy_block, prior=known()), Model(free=FREE))
+    tight = single_step(declared(noisy_block, prior=known(0.01, 0.002)), Model(free=FREE))
     assert tight.bundle.solution.redundancy == loose.bundle.solution.redundancy + 6
     n = loose.calibration.n_columns
     before, after = (np.diag(fit.calibration.cov) for fit in (loose, tight))
@@ -166,7 +167,7 @@ def test_p_is_uniform_over_flights(exact_block):
 def test_the_boresight_is_compared_about_the_bodys_axes(noisy_block):
     turn = np.array([0.5, -0.3, 0.2])
     found = compared(declared(noisy_block, turn_deg=turn, prior=known()))["boresight"]
-    (camera,) = single_step(noisy_block, free=FREE).calibration.cameras
+    (camera,) = single_step(noisy_block, Model(free=FREE)).calibration.cameras
     truth = noisy_block.cameras[0].T_b_c.R
     expected = np.degrees(log(camera.T_b_c.R @ truth.T @ exp(np.radians(turn)).T))
     assert_allclose(found.difference, expected, atol=1e-4)
@@ -244,7 +245,7 @@ def test_what_the_observations_leave_open_is_not_tested():
 
 def test_k1_to_k3_are_significant_together_and_none_is_alone(noisy_block):
     """Their correlations are near -0.99, and each single one may well be zero."""
-    found = single_step(noisy_block, free=JOINT_TESTS_FREE)
+    found = single_step(noisy_block, Model(free=JOINT_TESTS_FREE))
     redundancy = found.bundle.solution.redundancy
     zero = replace(blocks.CAMERA, interior=Interior(f=50.0))
     radial = group_tests(found.calibration, [zero], redundancy=redundancy)[0]
@@ -257,7 +258,7 @@ def test_k1_to_k3_are_significant_together_and_none_is_alone(noisy_block):
 @pytest.mark.parametrize(("share", "agreement"), [(1.0, 3e-3), (0.1, 3e-4), (0.01, 3e-5)])
 def test_in_the_linear_limit_a_nested_adjustment_has_the_same_f(exact_block, share, agreement):
     """Without noise both differ in proportion to the step, since the problem bends."""
-    found = single_step(exact_block, free=JOINT_TESTS_FREE)
+    found = single_step(exact_block, Model(free=JOINT_TESTS_FREE))
     unit = replace(found.calibration, sigma0_sq=1.0)
     sigma = {p.key: share * p.sigma for p in parameters(unit)}
     mount = np.array([sigma[key] for key in MOUNT]) * np.repeat([1.0, np.radians(1.0)], 3)
@@ -276,7 +277,7 @@ def test_p_values_of_true_values_are_uniform(exact_block):
     p = []
     for seed in range(60):
         block = blocks.noisy(exact_block, np.random.default_rng(seed))
-        found = single_step(block, free=JOINT_TESTS_FREE)
+        found = single_step(block, Model(free=JOINT_TESTS_FREE))
         tests = group_tests(
             found.calibration, [blocks.CAMERA], redundancy=found.bundle.solution.redundancy
         )

@@ -30,6 +30,7 @@ from acx4lib.errors import NotConverged
 from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.geometry.frames import Pose, exp, rotation_from_opk
 from acx4lib.geometry.parameters import MOUNT, REPORTED
+from acx4lib.model import Model
 from support import blocks
 from support.flights.simulated import fly
 from support.helpers import numeric_jacobian
@@ -116,7 +117,7 @@ def test_given_cameras_have_nothing_estimated(exact_block):
 
 
 def test_all_parameters_of_a_good_block_are_determined(exact_block):
-    fit = from_bundle(adjust(mounted_orientation(exact_block, free=("xp", "yp", "k1"))))
+    fit = from_bundle(adjust(mounted_orientation(exact_block, Model(free=("xp", "yp", "k1")))))
     assert is_determined(fit).all()
     assert not_determined(fit) == []
 
@@ -298,7 +299,7 @@ def test_what_does_not_converge_says_what_its_block_lacks_and_what_helps():
 
 def test_a_flight_without_control_but_two_heights_is_not_asked_for_heights():
     block = blocks.noisy(blocks.standard(control=None), np.random.default_rng(3))
-    found = mounting.single_step(block, free=("f", "xp", "yp")).calibration
+    found = mounting.single_step(block, Model(free=("f", "xp", "yp"))).calibration
     (line,) = not_determined(found, features(block))
     assert line.endswith("it would need: control points")
     assert not_determined(found)[0].endswith(

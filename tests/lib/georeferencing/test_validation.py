@@ -23,6 +23,7 @@ from acx4lib.geometry.frames import Pose
 from acx4lib.georeferencing import direct, error_sources, validation
 from acx4lib.georeferencing.validation import compare, predict, rays_of_pairs, validate
 from acx4lib.least_squares.covariance import WHITE, GaussMarkov
+from acx4lib.model import Model
 from support import blocks
 
 # --- pairs -----------------------------------------------------------------------------------
@@ -156,7 +157,7 @@ def calibrated_and_checked(seed):
     """Calibrate on one noisy flight, validate it on another with twelve check points."""
     rng = np.random.default_rng(seed)
     flown = blocks.noisy(blocks.standard(), rng)
-    calibration = single_step(flown, free=("f", "xp", "yp", "k1", "p1", "p2")).calibration
+    calibration = single_step(flown, Model(free=("f", "xp", "yp", "k1", "p1", "p2"))).calibration
     points = blocks.terrain(12, half_m=300.0, seed=8)
     other = blocks.noisy(blocks.simulate(blocks.fly(seed=9), check=points), rng)
     survey = rng.normal(size=(12, 3)) * other.check.sigma_m
@@ -487,7 +488,9 @@ def flight(folder):
 
 @pytest.fixture(scope="module")
 def calibrated(flight):
-    return single_step(flight.block("calibration"), free=flight.estimate_mounting).calibration
+    return single_step(
+        flight.block("calibration"), Model(free=flight.estimate_mounting)
+    ).calibration
 
 
 def test_a_right_calibration_predicts_the_other_exposures(flight, calibrated):

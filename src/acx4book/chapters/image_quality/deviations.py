@@ -30,6 +30,7 @@ from acx4lib.geometry.camera import (
 )
 from acx4lib.geometry.frames import Pose, exp, opk_from_rotation, rotation_from_opk
 from acx4lib.geometry.geodesy import MappingFrame
+from acx4lib.model import Model
 from acx4lib.synthetic_image.frame import (
     reduced_camera,
     reduced_heads,
@@ -186,7 +187,7 @@ def self_calibrate(block: Block, *, free: Sequence[str]) -> Bundle:
         Where fewer than three points off one line are measured, or nothing converges.
     """
     require_control(block)
-    return adjust(free_orientation(block, free=free))
+    return adjust(free_orientation(block, Model(free=free)))
 
 
 def residuals_px(fit: Bundle) -> Array:

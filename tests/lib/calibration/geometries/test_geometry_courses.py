@@ -10,6 +10,7 @@ from acx4files.flight import reader
 from acx4files.stages import diagnosed
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.calibration import mounting, trajectory_errors
+from acx4lib.model import Model
 from support import blocks
 
 COMPASS_DEG = (-0.05, 0.06)
@@ -28,7 +29,7 @@ def flown(folder, seed, **options):
 
 def single(flight, *gnss):
     block, free = flight.blocks["calibration"], flight.estimate_mounting
-    return mounting.single_step(block, free=free, gnss=gnss, snooping=False)
+    return mounting.single_step(block, Model(free=free, gnss=gnss), snooping=False)
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +97,7 @@ def over(*azimuths):
         ),
         3,
     )
-    return adjust(mounted_orientation(block, free=("f",), gnss=("deviation",)))
+    return adjust(mounted_orientation(block, Model(free=("f",), gnss=("deviation",))))
 
 
 def test_on_one_line_the_part_across_it_is_a_boresight():
@@ -116,7 +117,7 @@ def test_errors_that_are_declared_as_slow_are_no_courses(flights):
     block = flights[0].blocks["calibration"]
     process = replace(block.trajectory.slow_attitudes, share=0.9, time_constant_s=600.0)
     block = replace(block, trajectory=replace(block.trajectory, slow_attitudes=process))
-    bundle = adjust(mounted_orientation(block, free=flights[0].estimate_mounting))
+    bundle = adjust(mounted_orientation(block, Model(free=flights[0].estimate_mounting)))
     assert trajectory_errors.by_course(bundle) is None
 
 

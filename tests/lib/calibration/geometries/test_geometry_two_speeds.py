@@ -10,6 +10,7 @@ from acx4files.flight import reader
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.calibration import mounting, trajectory_errors
 from acx4lib.calibration.estimates import features
+from acx4lib.model import Model
 from acx4sim.files import simulate_plan
 from support import blocks
 
@@ -40,7 +41,7 @@ def found(tmp_path_factory):
         folder = tmp_path_factory.mktemp("two_speeds")
         flight = flown(folder, seed, (55.0, 85.0), gnss_delay_s=DELAY_S)
         block, free = flight.blocks["calibration"], flight.estimate_mounting
-        out.append(mounting.single_step(block, free=free, gnss=("delay",)).bundle)
+        out.append(mounting.single_step(block, Model(free=free, gnss=("delay",))).bundle)
     return out
 
 
@@ -65,7 +66,7 @@ def test_a_delay_is_said_in_words(found):
 def test_a_negative_delay_is_early(tmp_path):
     flight = flown(tmp_path, 1, (55.0, 85.0), gnss_delay_s=-DELAY_S)
     block, free = flight.blocks["calibration"], flight.estimate_mounting
-    bundle = mounting.single_step(block, free=free, gnss=("delay",)).bundle
+    bundle = mounting.single_step(block, Model(free=free, gnss=("delay",))).bundle
     assert trajectory_errors.notes(bundle)[0].endswith(" ms early")
 
 
@@ -93,16 +94,16 @@ BOTH_WAYS = ((1000.0, 0.0, 0.0), (1300.0, 0.0, 180.0), (1000.0, 0.0, 180.0), (13
 
 def test_at_one_speed_a_delay_and_the_lever_arm_are_one_unknown():
     block = steady(BOTH_WAYS, (4.0,) * 4)
-    bundle = adjust(mounted_orientation(block, free=("f",), gnss=("delay",)))
+    bundle = adjust(mounted_orientation(block, Model(free=("f",), gnss=("delay",))))
     (line,) = trajectory_errors.not_determined(bundle)
     assert line.startswith("gnss_delay_s is not determined")
     assert "strips flown at different speeds, or the lever arm held" in line
     held = adjust(
-        mounted_orientation(block, free=("f",), free_mount=blocks.MOUNT[3:], gnss=("delay",))
+        mounted_orientation(block, Model(free=("f",), fix=("lever_arm",), gnss=("delay",)))
     )
     assert trajectory_errors.not_determined(held) == []
     slower = steady(BOTH_WAYS, (4.0, 4.0, 6.0, 6.0))
-    fast_and_slow = adjust(mounted_orientation(slower, free=("f",), gnss=("delay",)))
+    fast_and_slow = adjust(mounted_orientation(slower, Model(free=("f",), gnss=("delay",))))
     assert trajectory_errors.not_determined(fast_and_slow) == []
 
 
@@ -110,7 +111,7 @@ def test_one_strip_does_not_tell_shift_delay_and_lever_arm_apart():
     block = steady(((1000.0, 0.0, 0.0), (1300.0, 0.0, 0.0)), (4.0, 4.0))
     gnss = ("shift", "drift", "delay")
     lines = trajectory_errors.not_determined(
-        adjust(mounted_orientation(block, free=("f",), gnss=gnss))
+        adjust(mounted_orientation(block, Model(free=("f",), gnss=gnss)))
     )
     said = {line.split()[0] for line in lines}
     assert {"gnss_shift_east_m", "gnss_shift_north_m", "gnss_delay_s"} <= said
