@@ -17,7 +17,7 @@ from acx4files.flight.toml_file import read_toml
 from acx4files.results import folder, whole_files
 from acx4files.results.provenance import check_kept, read_run
 from acx4files.results.read_back import read_calibration
-from acx4files.results.rows import exterior_table
+from acx4files.results.tables import exterior_table
 from acx4files.results.whole_files import write_all
 from acx4lib import expected
 from acx4lib.block import Block, select_cameras, unobserved
