@@ -15,7 +15,7 @@ from acx4files.results.folder import COLUMNS, COMPONENTS, RELATIVE, Record
 from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations import observed_interiors, observed_mountings
+from acx4lib.bundle.observations import DECLARED, declared
 from acx4lib.bundle.rejections import CRITICAL, Rejection, Stopped, sentence
 from acx4lib.calibration import estimates, trajectory_errors
 from acx4lib.calibration.estimates import LIMIT_SCALE, Calibration, Parameter
@@ -294,10 +294,8 @@ def _observed_at(network: Network, kind: str) -> tuple[pd.Categorical[str], pd.C
     if kind == "control_point":
         idx = network.control.point_idx[~network.held_control]
         return _names([""], np.zeros(len(idx), int)), _names(block.points, idx)
-    if kind in ("lever_arm", "boresight"):
-        at = _names(cameras, observed_mountings(block.cameras, kind, network.layout.mount))
-    elif kind == "interior":
-        at = _names(cameras, observed_interiors(block.cameras, network.layout.interior))
+    if kind in DECLARED:
+        at = _names(cameras, declared(block.cameras, kind, network.layout)[0])
     else:
         at = _names(block.trajectory.exposures, network.exposure_idx)
     return at, _names([""], np.zeros(len(at), int))
