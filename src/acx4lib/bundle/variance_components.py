@@ -15,7 +15,7 @@ from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
 from acx4lib.expected import Array, Index
 from acx4lib.least_squares import processors, statistics
-from acx4lib.least_squares.adjustment import elimination
+from acx4lib.least_squares.adjustment import elimination, two_sided_p
 from acx4lib.least_squares.normal_equations import Equations
 from acx4lib.least_squares.statistics import Group
 
@@ -293,7 +293,7 @@ def sigma_tests(bundle: Bundle) -> tuple[SigmaTest, ...]:
     normal values, each times an eigenvalue of W_k [1]_. These lie between zero and one, so the mean
     tr(W_k) is the sum of the redundancy numbers, and the variance 2 tr(W_k^2) is smaller than that
     of a chi-square variable of so many degrees of freedom. The probability is that of the
-    chi-square variable of the same mean and variance [2]_; where tr(W_k^2) is not computed, an
+    chi-square distribution of the same mean and variance [2]_; where tr(W_k^2) is not computed, an
     upper bound takes its place, which neglects the terms with other large groups.
 
     References
@@ -311,26 +311,22 @@ def sigma_tests(bundle: Bundle) -> tuple[SigmaTest, ...]:
     shares = _shares(bundle, groups)
     if not np.isfinite(shares).all():  # where a point has no coordinates in numbers
         return ()
-    return tuple(
-        _sigma_test(group, square)
-        for group, square in zip(groups, np.diag(shares).tolist(), strict=True)
-        if np.sum(group["redundancy"]) > LEAST_TESTED
-    )
-
-
-def _sigma_test(group: _Rows, square: float) -> SigmaTest:
-    """Test one group; `square` is tr(W^2)."""
-    cost, redundancy = float(np.sum(group["squares"])), float(np.sum(group["redundancy"]))
-    effective = redundancy**2 / min(max(square, redundancy**2 / len(group["sigma"])), redundancy)
-    scaled = effective * cost / redundancy
-    below, above = statistics.chi2_cdf(scaled, effective), statistics.chi2_sf(scaled, effective)
-    return SigmaTest(
-        group=group.name,
-        ratio=float(np.sqrt(cost / redundancy)),
-        redundancy=redundancy,
-        effective=effective,
-        p=min(1.0, 2 * min(below, above)),
-    )
+    tested = []
+    for g, square in zip(groups, np.diag(shares).tolist(), strict=True):
+        cost, redundancy = float(np.sum(g["squares"])), float(np.sum(g["redundancy"]))
+        if redundancy <= LEAST_TESTED:
+            continue
+        effective = redundancy**2 / min(max(square, redundancy**2 / len(g["sigma"])), redundancy)
+        tested.append(
+            SigmaTest(
+                group=g.name,
+                ratio=float(np.sqrt(cost / redundancy)),
+                redundancy=redundancy,
+                effective=effective,
+                p=two_sided_p(effective * cost / redundancy, effective),
+            )
+        )
+    return tuple(tested)
 
 
 def _groups(bundle: Bundle) -> Iterator[_Rows]:
