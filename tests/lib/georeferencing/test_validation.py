@@ -387,7 +387,7 @@ def rays(block):
 
 
 def w_of(block, cameras):
-    return validation.of(block, direct.georeference(block, cameras), rays(block))
+    return validation.normalised_residuals(block, direct.georeference(block, cameras), rays(block))
 
 
 def cost(block, cameras):
