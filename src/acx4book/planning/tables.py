@@ -15,8 +15,8 @@ from acx4book.planning.flown import flying_time_s
 from acx4book.planning.plan import PlannedBlock
 from acx4files.flight.reader import area_notes
 from acx4files.results import sentences as messages
+from acx4files.results.folder import COLUMNS, COMPONENTS
 from acx4files.results.rows import parameter_tables, unit_of
-from acx4files.results.table_files import COLUMNS, COMPONENTS
 from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration import diagnosis, trajectory_errors

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from acx4files.flight.block_from_tables import index_of
 from acx4files.flight.reader import Flight
 from acx4files.results import folder as results
 from acx4files.results import provenance, sentences
+from acx4files.results.folder import COLUMNS
+from acx4files.results.read_back import METHOD, measured_files
 from acx4files.results.rows import (
     bundle_tables,
     exterior_table,
@@ -21,7 +22,6 @@ from acx4files.results.rows import (
     point_table,
     rejected_table,
 )
-from acx4files.results.table_files import COLUMNS
 from acx4lib.attempts import Failed
 from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle
@@ -31,14 +31,13 @@ from acx4lib.calibration.estimates import (
     Calibration,
 )
 from acx4lib.calibration.heads import RelativeOrientation
-from acx4lib.errors import FlightError
 from acx4lib.expected import Array
 from acx4lib.georeferencing import accuracy, error_sources
 from acx4lib.georeferencing.direct import pose_covariances
 from acx4lib.georeferencing.validation import Differences, Prediction, Validation
 from acx4lib.least_squares import statistics
 from acx4lib.least_squares.covariance import correlation, sigmas
-from acx4lib.synthetic_image.transferred_points import TransferredPoints, synthetic_block
+from acx4lib.synthetic_image.transferred_points import TransferredPoints
 
 NO_ADJUSTMENT: Mapping[str, object] = dict.fromkeys(
     (
@@ -376,14 +375,7 @@ def _test(test: accuracy.AxisTest) -> dict[str, object]:
     }
 
 
-# --- The table of points transferred into synthetic images, and the blocks made from it
-
-
-METHOD = "synthetic/points"
-"""Key of the transferred points in the results."""
-
-MEASURED = ("images.csv", "image_points.csv")
-"""Tables of a block on which the transferred points depend."""
+# --- The table of points transferred into synthetic images
 
 
 def of_transferred(flight: Flight, transferred: Mapping[str, TransferredPoints]) -> Record:
@@ -401,7 +393,7 @@ def of_transferred(flight: Flight, transferred: Mapping[str, TransferredPoints])
         "converged": True,
         "n_observations": 2 * sum(map(len, transferred.values())),
         "n_left_out": sum(points.n_left_out for points in transferred.values()),
-        "measured": {file: flight.sha256[file] for name in transferred for file in _files(name)},
+        "measured": {file: flight.sha256[file] for n in transferred for file in measured_files(n)},
     }
     return Record(
         stage="synthetic",
@@ -409,10 +401,6 @@ def of_transferred(flight: Flight, transferred: Mapping[str, TransferredPoints])
         tables={"synthetic_points": pd.concat(tables, ignore_index=True)},
         summary={METHOD: entry},
     )
-
-
-def _files(block: str) -> list[str]:
-    return [f"{block}/{name}" for name in MEASURED]
 
 
 def _table(block: Block, transferred: TransferredPoints) -> pd.DataFrame:
@@ -429,62 +417,3 @@ def _table(block: Block, transferred: TransferredPoints) -> pd.DataFrame:
             "sigma_row_px": transferred.sigma_px[:, 1],
         }
     )
-
-
-def mounted_block(flight: Flight, name: str, found: results.Results) -> Block:
-    """Return a block of the mounted camera: synthetic images, if it is measured in heads.
-
-    Parameters
-    ----------
-    flight : Flight
-    name : str
-        ``calibration`` or ``validation``.
-    found : Results
-        Only used if the block is measured in heads.
-
-    Raises
-    ------
-    FlightError
-        Where the block is not in the flight, stage synthetic has not transferred its points, or
-        they were measured again later.
-    """
-    block, synthetic = flight.block(name), flight.synthetic_camera
-    if name not in flight.transferred or synthetic is None:
-        return block
-    return synthetic_block(block, read_carried(flight, block, found), synthetic)
-
-
-def read_carried(flight: Flight, block: Block, found: results.Results) -> TransferredPoints:
-    """Read the transferred points of a block from the results of stage synthetic.
-
-    Parameters
-    ----------
-    flight : Flight
-    block : Block
-        One of its blocks that are measured in heads.
-    found : Results
-
-    Raises
-    ------
-    FlightError
-        As `mounted_block`.
-    """
-    table = results.rows(found, "synthetic_points", METHOD)
-    table = table[table["block"] == block.name]
-    checksums = found.summary.get(METHOD, {}).get("measured", {})
-    transferred = TransferredPoints(
-        exposure_idx=index_of(table["image"], block.trajectory.exposures),
-        point_idx=index_of(table["point"], block.points),
-        camera_idx=index_of(table["head"], [camera.name for camera in block.cameras]),
-        colrow=table[["col_px", "row_px"]].to_numpy(),
-        sigma_px=table[["sigma_col_px", "sigma_row_px"]].to_numpy(),
-    )
-    known = np.stack([transferred.exposure_idx, transferred.point_idx, transferred.camera_idx])
-    now = {file: flight.sha256[file] for file in _files(block.name)}
-    if not isinstance(checksums, dict) or not now.items() <= checksums.items() or np.any(known < 0):
-        problem = (
-            f"{found.folder}: block {block.name} is not the one whose points were transferred into "
-            "the synthetic image; run stage synthetic again"
-        )
-        raise FlightError([problem])
-    return transferred

@@ -11,7 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from acx4files import flight as flights
 from acx4files.results import adjustments, read_back
 from acx4files.results import folder as results
-from acx4files.results.adjustments import METHOD, mounted_block, of_transferred
+from acx4files.results.adjustments import of_transferred
+from acx4files.results.read_back import METHOD, mounted_block
 from acx4files.stages import diagnosed
 from acx4lib.block import select_images
 from acx4lib.calibration import estimates, mounting
