@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -25,18 +25,16 @@ from acx4files.results.rows import (
 from acx4lib.attempts import Failed
 from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.bundle.rejections import CRITICAL, Stopped, sentence
+from acx4lib.bundle.rejections import Stopped, sentence
 from acx4lib.calibration.estimates import (
-    LIMIT_SCALE,
     Calibration,
 )
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array
-from acx4lib.georeferencing import accuracy, error_sources
+from acx4lib.georeferencing import accuracy
 from acx4lib.georeferencing.direct import pose_covariances
 from acx4lib.georeferencing.validation import Differences, Prediction, Validation
-from acx4lib.least_squares import statistics
-from acx4lib.least_squares.covariance import correlation, sigmas
+from acx4lib.least_squares.covariance import sigmas
 from acx4lib.synthetic_image.transferred_points import TransferredPoints
 
 NO_ADJUSTMENT: Mapping[str, object] = dict.fromkeys(
@@ -194,10 +192,6 @@ def of_relative_orientation(
 # --- Records of the validations for a results folder
 
 
-MANY = 0.1
-"""Share of rejected measurements above which these are not single gross errors."""
-
-
 def of_validation(validation: Validation, entries: Mapping[str, object]) -> Record:
     """Return the record of one method's validation; `entries` are added to its summary."""
     method, block = validation.method, validation.block
@@ -281,13 +275,13 @@ def _pair_table(method: str, block: Block, pairs: Differences) -> pd.DataFrame:
 
 
 def _validation_summary(validation: Validation) -> dict[str, object]:
-    over_pairs = accuracy.from_differences(validation.pairs.d)
-    over_points = accuracy.from_differences(validation.points.d)
-    survey = validation.block.check.sigma_m[validation.points.point_idx]
-    survey_sigma = accuracy.triple(np.sqrt(np.mean(survey**2, axis=0)) if len(survey) else [0] * 3)
+    key = f"validation/{validation.method}"
+    points = validation.points
+    over_points, spread = accuracy.from_differences(points.d), validation.spread
+    nothing = [np.nan] * 3
     return {
         "n_observations": validation.n_observations,
-        "n_unknowns": 3 * len(validation.points),
+        "n_unknowns": 3 * len(points),
         "redundancy": validation.redundancy,
         "sigma0_squared": validation.sigma0_sq,
         "chi_square_p": validation.chi_square_p,
@@ -297,69 +291,23 @@ def _validation_summary(validation: Validation) -> dict[str, object]:
         "iterations": 1,
         "converged": True,
         "n_rejected": len(validation.rejected),
-        "expected_rejections": _expected_rejections(validation),
-        **stopped_entries(f"validation/{validation.method}", validation.stopped),
+        "expected_rejections": validation.expected_rejections,
+        **stopped_entries(key, validation.stopped),
         "n_left_out": validation.n_left_out,
         "n_pairs": len(validation.pairs),
         "n_failed_pairs": validation.n_failed,
-        "n_points": len(validation.points),
-        "height_offset_share": _height_offset(validation)[1],
-        "notes": [
-            f"validation/{validation.method}: {note}" for note in _notes_of_validation(validation)
-        ],
-        **_statistics(over_pairs),
+        "n_points": len(points),
+        "height_offset_share": validation.height_offset[1],
+        "notes": [f"{key}: {note}" for note in sentences.on_validation(validation)],
+        **_statistics(accuracy.from_differences(validation.pairs.d)),
         "points": {
             **_statistics(over_points),
             "mean_sigma": [*sigmas(validation.mean_cov)],
-            **_spread(validation),
+            "normalised_rms": nothing if spread is None else spread.rms.tolist(),
+            "effective_number": nothing if spread is None else spread.effective.tolist(),
             "bias": _test(accuracy.bias_test(np.array(over_points.mean), validation.mean_cov)),
-            "classes": accuracy.classes(over_points, survey_sigma=survey_sigma),
+            "classes": accuracy.classes(over_points, survey_sigma=validation.survey_sigma),
         },
-    }
-
-
-def _expected_rejections(validation: Validation) -> float:
-    """Return the expected number of chance rejections: two components of rays, three or more."""
-    n_images = validation.points.n_images
-    return 2 * int(n_images[n_images > 2].sum()) * 2 * statistics.norm_sf(CRITICAL)
-
-
-def _notes_of_validation(validation: Validation) -> Iterator[str]:
-    """Yield warnings on many rejections and on a height offset of all check points."""
-    n_rejected = sum(r.kind == "image_point" for r in validation.rejected)
-    n_measured = n_rejected + validation.n_observations // 2
-    if n_rejected > MANY * n_measured:
-        yield (
-            f"{n_rejected} of {n_measured} measurements of check points do not fit the others: "
-            "rather a wrong calibration or trajectory than so many gross errors"
-        )
-    offset, share = _height_offset(validation)
-    if abs(share) > LIMIT_SCALE:
-        yield (
-            f"the check points come out {abs(offset):.1f} m too {'high' if offset > 0 else 'low'}, "
-            f"{100 * abs(share):.1f} % of the flying height: the height system of check "
-            "points or trajectory, or the focal length, is wrong"
-        )
-
-
-def _height_offset(validation: Validation) -> tuple[float, float]:
-    """Return the median height difference, m, and its share of the flying height."""
-    if not len(validation.points):
-        return 0.0, 0.0
-    above = np.median(validation.georeferenced.T_m_c.r[:, 2]) - validation.block.check.x_m[:, 2]
-    offset = float(np.median(validation.points.d[:, 2]))
-    return offset, offset / float(np.median(above))
-
-
-def _spread(validation: Validation) -> dict[str, object]:
-    """Return the RMS of the normalised differences, and the effective number of points, by axis."""
-    points = validation.points
-    if not len(points):
-        return {"normalised_rms": [np.nan] * 3, "effective_number": [np.nan] * 3}
-    cov_axes = error_sources.axis_covariances(points.sources)
-    return {
-        "normalised_rms": list(np.sqrt(np.mean((points.d / points.sigma) ** 2, axis=0))),
-        "effective_number": [accuracy.effective_number(correlation(cov)) for cov in cov_axes],
     }
 
 
