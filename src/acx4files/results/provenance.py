@@ -16,10 +16,12 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
+import pandas as pd
+
 from acx4files.flight.reader import PLACE, Flight, read_kept, table_files
 from acx4files.results import folder as results
 from acx4files.results import whole_files
-from acx4files.results.folder import AGAIN, NOTEBOOKS, STAGES
+from acx4files.results.folder import AGAIN, COLUMNS, NOTEBOOKS, STAGES, Record
 from acx4lib.errors import FlightError
 
 KEPT = "flight"
@@ -235,14 +237,13 @@ def begin(
         left = {stage: entry for stage, entry in old.stages.items() if stage not in stages}
         _check_flight(folder, old, flight, left)
         _check_calibration(folder, {*left, *stages}, calibration)
-        _replace(folder, stages, {}, {}, flight, left)
+        _replace(folder, stages, (), flight, left)
 
 
 def write(
     folder: str | Path,
     stage: str,
-    tables: Mapping[str, results.Rows],
-    summary: Mapping[str, Mapping[str, object]],
+    records: Iterable[Record],
     *,
     flight: Flight,
     calibration: Mapping[str, object] | None = None,
@@ -254,8 +255,8 @@ def write(
     ----------
     folder : path
     stage : str
-    tables, summary
-        As `folder.replace` takes them.
+        All its old rows are removed, even those of methods without a new record.
+    records : iterable of Record
     flight : Flight
     calibration : mapping, optional
         Origin of the validated calibration of an earlier flight, `read_back.Earlier.origin`.
@@ -277,9 +278,8 @@ def write(
         entry |= {"calibration": dict(calibration)} if calibration else {}
         stages = {**old.stages, stage: entry}
         _check_calibration(path, stages, stages.get("validation", {}).get("calibration"))
-        named = {key: {**of, "flight": mine} for key, of in summary.items()}
         replaced = [f"{stage}/{method}" for method in methods] or [stage]
-        _replace(path, replaced, tables, named, flight, stages)
+        _replace(path, replaced, records, flight, stages)
 
 
 def _claimed(folder: Path) -> AbstractContextManager[Path]:
@@ -301,12 +301,17 @@ def _check_calibration(folder: Path, stages: Iterable[str], calibration: object)
 def _replace(
     folder: Path,
     replaced: Sequence[str],
-    tables: Mapping[str, results.Rows],
-    summary: Mapping[str, Mapping[str, object]],
+    records: Iterable[Record],
     flight: Flight,
     stages: Mapping[str, Mapping[str, object]],
 ) -> None:
     """Replace results, and the copies of the flight's tables beside them."""
+    tables: dict[str, list[pd.DataFrame]] = {name: [] for name in COLUMNS}
+    summary: dict[str, dict[str, object]] = {}
+    for record in records:
+        for name, frame in record.tables.items():
+            tables[name].append(frame)
+        summary |= {key: {**of, "flight": identity(flight)} for key, of in record.summary.items()}
     files, kept = checksums(flight), folder / KEPT
     before = read(folder).files
     new = [name for name, sha256 in files.items() if sha256_of(kept / name) != sha256]

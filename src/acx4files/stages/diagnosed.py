@@ -7,8 +7,8 @@ from dataclasses import asdict
 
 import numpy as np
 
-from acx4files.results import adjustments, sentences
-from acx4files.results.adjustments import Record, of_failure, of_left_out
+from acx4files.results import sentences, tables
+from acx4files.results.folder import Record
 from acx4lib.bundle import variance_components
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.variance_components import BOUNDS, Component
@@ -41,7 +41,7 @@ def of_head(name: str, bundle: Bundle) -> Record:
     """Return the record of a head that was adjusted by itself."""
     key, of_bundle = f"heads/bundle/{name}", diagnosis.of(bundle)
     entry = {**_entries(key, "bundle", of_bundle), **_held_entries(held.of_bundle(bundle))}
-    return adjustments.of_bundle(key, bundle, of_bundle.calibration, entry)
+    return tables.of_bundle(key, bundle, of_bundle.calibration, entry)
 
 
 def of_mounting(
@@ -71,7 +71,7 @@ def of_mounting(
         d, sigma = moved
         entry["held_effect_m"] = np.abs(d).max(axis=0).tolist()
         entry["held_effect_sigma"] = np.abs(d / sigma).max(axis=0).tolist()
-    return adjustments.of_bundle(key, mounting.bundle, mounting.calibration, entry)
+    return tables.of_bundle(key, mounting.bundle, mounting.calibration, entry)
 
 
 def of_mountings(
@@ -88,11 +88,8 @@ def of_mountings(
         of_mounting(m, applied=applied, over_ground=over_ground) for m in mountings.methods.values()
     ]
     for method, reason in mountings.failures.items():
-        if method == "single_step":
-            key = f"mounting/{method}"
-            records.append(of_failure("mounting", method, f"{key}: {reason}", summary_key=key))
-        else:
-            records.append(of_left_out("mounting", method, reason))
+        of = "not_determined" if method == "single_step" else "left_out"
+        records.append(tables.not_adjusted(f"mounting/{method}", reason, of=of))
     return records
 
 
@@ -118,7 +115,7 @@ def of_validations(
     """
     if not validations:
         reason = "no method has all its parameters determined"
-        return [of_left_out("validation", "all", reason)]
+        return [tables.not_adjusted("validation/all", reason)]
     records = []
     for validation in validations:
         entry: dict[str, object] = {}
@@ -128,7 +125,7 @@ def of_validations(
             found = diagnosis.of_shares(calibration, shares)
             key = f"validation/{validation.method}"
             entry = _entries_of_weak(key, found, features, late=late)
-        records.append(adjustments.of_validation(validation, entry))
+        records.append(tables.of_validation(validation, entry))
     return records
 
 

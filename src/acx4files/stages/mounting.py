@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from acx4files.flight.reader import Flight
-from acx4files.results import adjustments, folder, provenance
+from acx4files.results import folder, provenance
 from acx4files.results.read_back import (
     ORIENTED,
     mounted_block,
@@ -194,4 +194,4 @@ def write(
         mountings, applied=factors, over_ground=flight.validation is None
     )
     methods = METHODS if rig_leads(flight) else ()  # the rig has been written before
-    adjustments.write(results_path, "mounting", records, flight=flight, methods=methods)
+    provenance.write(results_path, "mounting", records, flight=flight, methods=methods)

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from acx4files.flight.reader import Flight
-from acx4files.results import adjustments, folder, provenance, read_back
-from acx4files.results.adjustments import Record
+from acx4files.results import folder, provenance, read_back, sentences, tables
+from acx4files.results.folder import Record
 from acx4files.results.read_back import Earlier, calibrated, mounted_block, rigs_for
 from acx4files.stages.diagnosed import of_validations
 from acx4lib.attempts import attempt
 from acx4lib.block import Block
 from acx4lib.calibration.estimates import Calibration, features
-from acx4lib.georeferencing.validation import Validation, predict, validate
+from acx4lib.georeferencing.validation import Prediction, Validation, predict, validate
 from acx4lib.shown import ByName
 
 
@@ -204,7 +204,12 @@ def _with_prediction(
         flight.heads_model,
         method=validation.method,
     )
-    return adjustments.with_prediction(record, prediction)
+    entries, said = {}, f"exposures are not predicted: {getattr(prediction, 'reason', '')}"
+    if isinstance(prediction, Prediction):
+        entries, said = tables.prediction_entries(prediction), sentences.prediction(prediction)
+    ((key, entry),) = record.summary.items()
+    notes = [*folder.messages(entry, "notes"), f"{key}: {said}"]
+    return replace(record, summary={key: {**entry, **entries, "notes": notes}})
 
 
 def _write(
@@ -221,7 +226,7 @@ def _write(
         records = [
             _named(record, origin, note) for record, note in zip(records, notes, strict=True)
         ]
-    adjustments.write(results_path, "validation", records, flight=flight, calibration=origin)
+    provenance.write(results_path, "validation", records, flight=flight, calibration=origin)
 
 
 def _named(record: Record, origin: Mapping[str, object], notes: Sequence[str]) -> Record:
