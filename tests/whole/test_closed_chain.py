@@ -11,6 +11,7 @@ from acx4files.stages.synthetic import refine
 from acx4lib.block import Block
 from acx4lib.calibration import mounting
 from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.model import Model
 from acx4lib.synthetic_image.rendering import render_into, render_plan
 from acx4lib.synthetic_image.transferred_points import TransferredPoints, transfer
 from acx4sim.designs import acx4_plan
@@ -67,7 +68,7 @@ def test_steps_at_the_seams_are_model_errors_and_the_test_says_so(exact, noisy):
     assert 0.03 < exact.single_step.bundle.solution.sigma0_sq < 0.1
     assert noisy.single_step.bundle.solution.chi_square_p < 1e-6
     flight = simulated.fly("acx4-ideal", seed=1).flight
-    ideal = mounting.single_step(flight.calibration, free=flight.estimate_mounting)
+    ideal = mounting.single_step(flight.calibration, Model(free=flight.estimate_mounting))
     assert ideal.bundle.solution.chi_square_p > 0.01
 
 

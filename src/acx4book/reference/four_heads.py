@@ -44,6 +44,7 @@ from acx4lib.calibration.heads import RelativeOrientation, declared_orientation
 from acx4lib.calibration.mounting import Mounting, single_step
 from acx4lib.expected import Array, Mask, Raster
 from acx4lib.geometry.camera import Camera
+from acx4lib.model import Model
 from acx4lib.synthetic_image.rendering import render_plan, stack
 from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.ties import shared_points
@@ -94,7 +95,7 @@ def thinned(block: Block) -> Mask:
 def rig(flight: Flight) -> Mounting:
     """Adjust all heads of the flight with the trajectory, as the chapter does."""
     free = ("f", *flight.estimate_heads)
-    return single_step(heads_of(flight), free=free, fix=("lever_arm",), gnss=("deviation",))
+    return single_step(heads_of(flight), Model(free=free, fix=("lever_arm",), gnss=("deviation",)))
 
 
 def heads_of(flight: Flight) -> Block:

@@ -493,8 +493,8 @@ def _grey(rig: Solved, k: int, colrow: Array) -> Array:
 
 
 def _vignetting_factory(rig: Solved, k: int, colrow: Array) -> Array:
-    stated = metadata.vignetting(rig.tags[k])
-    return np.ones(len(colrow)) if stated is None else stated.at(colrow)
+    stated = metadata.vignetting(rig.tags[k], colrow)
+    return np.ones(len(colrow)) if stated is None else stated
 
 
 def _response(rig: Solved, k: int, m: int, radius: Array) -> Array:

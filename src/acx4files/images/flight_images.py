@@ -22,7 +22,7 @@ from acx4files.flight.reader import Flight
 from acx4files.images.head_images import HeadFiles, fingerprint, flight_files, read_heads
 from acx4files.images.tiff import TILE, read_about, write, write_preview
 from acx4files.results import folder as results
-from acx4files.results import own_folder, provenance, whole_files
+from acx4files.results import provenance, whole_files
 from acx4files.results.read_back import read_relative_orientation
 from acx4files.results.whole_files import file_stem
 from acx4lib.calibration.heads import RelativeOrientation, not_calibrated
@@ -162,7 +162,7 @@ def render_flight(
     problems, notes = [], [f"heads as {results_path} has them, {rig.source}"]
     if exposures is None and files.incomplete:
         notes.append(f"left out, without the files of all heads: {', '.join(files.incomplete)}")
-    with own_folder.claim(folder, signs=[IMAGES], away_from=[flight.path]):
+    with whole_files.claim(folder, signs=[IMAGES]):
         complete = [files.complete[name] for name in chosen if name in files.complete]
         about = {one.exposure: _about(rig, one, blend, sources) for one in complete}
         kept = [name for name in about if _is_made(folder, name, about[name])]

@@ -412,7 +412,7 @@ def _keep(path: Path, both: Both) -> None:
     parts = {
         f"{k}_{name}": getattr(matches, name) for k, matches in enumerate(both) for name in _PARTS
     }
-    with whole_files.together() as new, new.open(path) as file:
+    with whole_files.appearing(path) as draft, draft.open("wb") as file:
         np.savez(file, **parts)
 
 

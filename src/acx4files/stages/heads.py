@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from acx4files.flight.reader import Flight
-from acx4files.results import adjustments
+from acx4files.results import provenance, tables
+from acx4files.results.folder import Record
 from acx4files.stages import diagnosed
 from acx4lib.attempts import Failed, attempt
 from acx4lib.bundle.adjust import Bundle
@@ -41,12 +42,7 @@ def run(flight: Flight, results_path: str | Path) -> HeadsStage:
 
 def calibrate(flight: Flight) -> HeadsStage:
     """Adjust every head of the block heads separately, and orient the heads to each other."""
-    heads = calibrate_heads(
-        flight.block("heads"),
-        flight.head_names,
-        free=flight.estimate_heads,
-        refraction=flight.refraction,
-    )
+    heads = calibrate_heads(flight.block("heads"), flight.head_names, flight.heads_model)
     return HeadsStage(heads, attempt(relative_orientation, heads, flight.synthetic_camera))
 
 
@@ -59,17 +55,15 @@ def write(
     """Write the results of the heads, failures included."""
     records = [_record(name, fit) for name, fit in heads.bundles.items()]
     for name, reason in heads.failures.items():
-        key = f"heads/bundle/{name}"
-        failure = adjustments.of_failure("heads", "bundle", f"{key}: {reason}", summary_key=key)
-        records.append(failure)
-    method = "relative_orientation"
+        records.append(tables.not_adjusted(f"heads/bundle/{name}", reason, of="not_determined"))
+    key = "heads/relative_orientation"
     if isinstance(orientation, Failed):
-        records.append(adjustments.of_left_out("heads", method, orientation.reason))
+        records.append(tables.not_adjusted(key, orientation.reason))
     else:
         synthetic = flight.synthetic_camera
         effect = {} if synthetic is None else _held_effect(heads, orientation, synthetic)
-        records.append(adjustments.of_relative_orientation("heads", method, orientation, **effect))
-    adjustments.write(results_path, "heads", records, flight=flight)
+        records.append(tables.of_relative_orientation(key, orientation, **effect))
+    provenance.write(results_path, "heads", records, flight=flight)
 
 
 def _held_effect(
@@ -86,7 +80,7 @@ def _held_effect(
     return {"held_effect_px": dict(zip(freed, rms, strict=True))}
 
 
-def _record(name: str, fit: Bundle) -> adjustments.Record:
+def _record(name: str, fit: Bundle) -> Record:
     """Return the record of a head, with its largest correlations in the summary."""
     key = f"heads/bundle/{name}"
     record = diagnosed.of_head(name, fit)

@@ -325,9 +325,9 @@ def _stacked(
     return np.concatenate(bands, axis=-1)
 
 
-def _greyed(image: Array) -> Array:
+def _greyed(image: Raster) -> Array:
     """Return the mean of the bands, shape (rows, cols, 1)."""
-    return image[..., :3].mean(axis=-1, keepdims=True)
+    return np.asarray(image[..., :3].mean(axis=-1, keepdims=True))
 
 
 def _coloured(bands: Array, stretches: Sequence[Stretch]) -> Array:
