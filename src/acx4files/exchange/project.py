@@ -12,7 +12,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Seq
 from dataclasses import dataclass, field, replace
 from inspect import Signature, signature
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, Protocol, TypeVar, get_type_hints
 
 import numpy as np
 
@@ -40,6 +40,16 @@ from acx4lib.geometry.geodesy import (
 )
 from acx4lib.geometry.intersection import intersect
 
+
+class Place(Protocol):
+    """A place in a file: an element, a node, a line."""
+
+    def wrong(self, found: str, expected: str, /) -> FlightError:
+        """Return the error that says what is wrong there."""
+
+
+P = TypeVar("P", bound=Place)
+
 MEANS_NOTHING = (
     "The trajectory is what the program adjusted, camera and body being one: the boresight and "
     "the lever arm that a calibration finds on it mean nothing"
@@ -55,8 +65,14 @@ NOWHERE = np.full(3, np.nan)
 SHOWN = 8
 """Number of lenses that have a sentence each; more of them have a table in import.md."""
 
-InGrid = Callable[[Pose], tuple[Array, Array]]
-"""From poses in w to east, north, height (m) and omega, phi, kappa (rad) in the flight's grid."""
+InGrid = Callable[[Pose], tuple[Array, Array]] | FlightError
+"""From poses in w to east, north, height (m) and omega, phi, kappa (rad) in the flight's grid; an
+error where the place of w is not known."""
+
+
+def as_they_are(T: Pose) -> tuple[Array, Array]:
+    """Return poses in w as those of a flight on no map."""
+    return T.r, T.opk
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -235,9 +251,8 @@ class Project:
     orientations : {"initial", "adjusted", "none"}
         The trajectory: what was measured of the cameras, what the program adjusted, or none. Images
         whose exposures it has not are left out.
-    in_grid : callable or None
-        The map of poses in w into the grid; it raises a FlightError where the place of w is not
-        known. None where the frames of a program never have a place on the Earth.
+    in_grid : callable or FlightError
+        As `InGrid`.
     placed : tuple of str
         What is assumed where `in_grid` is used.
     trajectory : Trajectory
@@ -260,7 +275,7 @@ class Project:
     control: Control | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     orientations: str = "none"
-    in_grid: InGrid | None = None
+    in_grid: InGrid = as_they_are
     placed: tuple[str, ...] = ()
     trajectory: Trajectory = field(default_factory=Trajectory)
     lost: Mapping[str, int] = field(default_factory=dict)
@@ -315,9 +330,10 @@ def flight_of(
         fitted = {name: lens for name, lens in fitted.items() if name in listed["camera"]}
     cameras = {name: dict(sensor) for name, sensor in project.sensors.items()}
     cameras |= {name: refitted.table for name, refitted in fitted.items()}
-    settings = {key: value for key, value in project.settings.items() if key != "apriori"}
+    settings = dict(project.settings)
+    apriori = settings.pop("apriori", None)
     settings |= {"cameras": cameras} if cameras or not settings else {}
-    settings |= {key: project.settings[key] for key in ("apriori",) if project.settings.get(key)}
+    settings |= {"apriori": apriori} if apriori else {}
     is_rig = len({*listed["exposure"]}) < len(rows)
     folder = block or ("heads" if is_rig else "calibration")
     lost = {
@@ -386,26 +402,11 @@ def reader(
     return read
 
 
-def nowhere(error: FlightError) -> InGrid:
-    """Return the map into the grid of a frame without a place: it raises an error."""
-
-    def in_grid(_: Pose) -> tuple[Array, Array]:
-        raise error
-
-    return in_grid
-
-
-def as_they_are(T: Pose) -> tuple[Array, Array]:
-    """Return poses in w as those of a flight on no map."""
-    return T.r, T.opk
-
-
 def numbered(lenses: Iterable[Hashable]) -> dict[Any, str]:
     """Return names of cameras that a program has no names for, by their lenses."""
     different = list(dict.fromkeys(lenses))
-    return {
-        lens: "CAM" if len(different) == 1 else f"CAM{k}" for k, lens in enumerate(different, 1)
-    }
+    names = ["CAM"] if len(different) == 1 else [f"CAM{k + 1}" for k in range(len(different))]
+    return dict(zip(different, names, strict=True))
 
 
 def in_crs(source: Path, crs: str | None) -> InGrid:
@@ -419,11 +420,11 @@ def in_crs(source: Path, crs: str | None) -> InGrid:
     """
     if crs is None:
         fault = "adjusted orientations are in coordinates whose CRS the files do not say"
-        return nowhere(refusal(str(source), 1, "crs", fault, "give it by --crs"))
+        return refusal(str(source), 1, "crs", fault, "give it by --crs")
     try:
         coordinates.chosen("", None, crs)
     except ValueError as error:
-        return nowhere(refusal(str(source), 1, "crs", str(error), "must be projected, in metres"))
+        return refusal(str(source), 1, "crs", str(error), "must be projected, in metres")
     return as_they_are
 
 
@@ -452,32 +453,29 @@ def _refitted(
 def _flown(project: Project) -> Trajectory:
     """Return the trajectory that is asked for."""
     images, n = project.images, int(project.images.oriented.sum())
-    is_local, orientations = project.settings.get("crs") == LOCAL, project.orientations
-    if is_local and n and project.trajectory.table is None:
-        orientations = "adjusted"
-    if orientations != "adjusted":
-        trajectory = project.trajectory if orientations == "initial" else Trajectory()
-        hint = (
-            ": their coordinates are in no CRS"
-            if project.in_grid is None
-            else (" (--orientations adjusted)")
-        )
-        remarks = (f"{number_of(n, 'adjusted orientations')}{hint}",) if n else ()
-        return replace(trajectory, left_out=(*trajectory.left_out, *remarks))
+    is_local, measured = project.settings.get("crs") == LOCAL, Trajectory()
+    if project.orientations == "initial":
+        measured = project.trajectory
+    is_adjusted = project.orientations == "adjusted"
+    if not is_adjusted and not (is_local and n and project.trajectory.table is None):
+        said = f"{number_of(n, 'adjusted orientations')} (--orientations adjusted)"
+        return replace(measured, left_out=(*measured.left_out, *([said] if n else [])))
     leaders: dict[str, int] = {}
     for i in np.flatnonzero(images.oriented & images.used).tolist():
         exposure = images.exposures[i]
         if exposure not in leaders or images.names[i] == exposure:
             leaders[exposure] = i
-    if not images.names:
-        return Trajectory()
-    if not leaders or project.in_grid is None:
-        return Trajectory(left_out=("a trajectory: no image is oriented",))
+    if not leaders:
+        nothing = "a trajectory: no image is oriented"
+        return Trajectory(left_out=(nothing,) if images.names else ())
+    if isinstance(project.in_grid, FlightError):
+        raise project.in_grid
     rows = np.array([*leaders.values()])
     T_b_c = stacked([project.lenses[images.cameras[i]].mount for i in rows])
-    enh, opk = project.in_grid(images.T_w_c[rows] @ T_b_c.inverse)
     return Trajectory(
-        table=trajectory_in_grid(list(leaders), enh, opk),
+        table=trajectory_in_grid(
+            list(leaders), *project.in_grid(images.T_w_c[rows] @ T_b_c.inverse)
+        ),
         assumed=(*project.placed, START_VALUES if is_local else MEANS_NOTHING),
         found=(f"{number_of(len(leaders), 'adjusted orientations')}",),
     )
@@ -742,3 +740,23 @@ def without_doubles(names: Sequence[str], ids: Sequence[object]) -> tuple[list[s
         counts[name] = counts.get(name, 0) + 1
     new = [f"{name}#{i}" if counts[name] > 1 else name for name, i in zip(names, ids, strict=True)]
     return new, sum(n for n in counts.values() if n > 1)
+
+
+def by_id(places: Iterable[tuple[str, P]]) -> dict[str, P]:
+    """Return places of a file by their ids, which must be unique."""
+    found: dict[str, P] = {}
+    for i, place in places:
+        if found.setdefault(i, place) is not place:
+            raise place.wrong(f"{quoted(i)} is there twice", "must be unique")
+    return found
+
+
+def named(places: Mapping[str, P], labels: Sequence[str]) -> tuple[dict[str, str], int]:
+    """Return names that a flight may use by ids, and how many labels stand twice.
+
+    Ids stand behind these.
+    """
+    names, doubled = without_doubles(labels, list(places))
+    of = dict(zip(names, places.values(), strict=True))
+    require_names(names, lambda name, fault, expected: of[name].wrong(fault, expected))
+    return dict(zip(places, names, strict=True)), doubled
