@@ -521,7 +521,7 @@ def misses(block: Block) -> tuple[Sightings, Array]:
 
 def _ratio(seen: Sightings, T_m_b: Pose) -> Array:
     with np.errstate(all="ignore"):
-        v = _linear(seen, T_m_b, Mounted(cameras=seen.cameras, x_m=seen.x_m))[0]
+        v = _residuals(seen, T_m_b, seen.x_m, seen.cameras)
     quarter = [c.diagonal_px * c.pixel_mm / (4 * c.interior.f) for c in seen.cameras]
     ratio = np.linalg.norm(v, axis=1) / np.array(quarter)[seen.camera_idx]
     return np.nan_to_num(ratio, nan=np.inf)
@@ -750,6 +750,9 @@ def best_reading(flight: Any, block_name: str) -> Found | None:
     with np.errstate(all="ignore"):  # readings may be absurd
         case = _case(block, flight.trajectories[block_name], seen)
         given = mounted(seen, case.T_m_b)
+        sigma = np.linalg.norm(list(stated(block, seen, given).values()))
+        if 1 / OFF < given.misfit / sigma < AS_STATED:
+            return other_unit(block, seen, given)
         usual = started(seen, case.T_m_b).misfit
         fits = [
             (mounted(others, T_m_b), reading, others, T_m_b)
@@ -837,6 +840,9 @@ OFF = 2.0
 RIGHT = 1.6
 """The same within which a unit is right: neighbouring units differ by ten and more."""
 
+AS_STATED = 1.4
+"""Ratio of the misfit to the stated sigmas up to which no other reading is looked for."""
+
 ANGLE_UNITS = {"seconds of arc": 1 / 3600, "minutes of arc": 1 / 60, "radians": 180 / np.pi}
 LENGTH_UNITS = {"mm": 1e-3, "cm": 1e-2}
 
@@ -848,6 +854,21 @@ SHARED = (
     "without corrections; gnss in flight.toml makes a common shift an unknown"
 )
 """Text in place of another unit: such an error leaves small residuals."""
+
+
+def stated(block: Block, seen: Sightings, given: Mounted) -> dict[str, float]:
+    """Return the standard deviations that a block states, as angles at the camera, radians.
+
+    Medians, of ``image measurements``, ``attitude`` and ``position``; NaN where none is stated.
+    """
+    camera, trajectory, rows = given.cameras[0], block.trajectory, seen.exposures
+    range_m = _range_m(seen, trajectory.T_m_b[rows], given)
+    sigma_px = _usual(block.image_points.sigma_px)
+    return {
+        "image measurements": sigma_px * camera.pixel_mm / camera.interior.f,
+        "attitude": _usual(trajectory.sigma_attitude[rows, :2]),
+        "position": _usual(trajectory.sigma_position[rows]) / range_m,
+    }
 
 
 def other_unit(block: Block, seen: Sightings, given: Mounted) -> Found | None:
@@ -871,22 +892,19 @@ def other_unit(block: Block, seen: Sightings, given: Mounted) -> Found | None:
     if given.held:
         return None
     T_m_b, camera = block.trajectory.T_m_b[seen.exposures], given.cameras[0]
-    noise, range_m = measuring_noise(seen, T_m_b, given), _range_m(seen, T_m_b, given)
-    measured = camera.pixel_mm / camera.interior.f * _usual(block.image_points.sigma_px)
-    position = _usual(block.trajectory.sigma_position[seen.exposures]) / range_m
-    attitude = _usual(block.trajectory.sigma_attitude[seen.exposures, :2])
-    alone = ALONE_M[0] <= position * range_m <= ALONE_M[1]
-    for quantity, units, misfit, sigma, others in (
-        ("image measurements", {"mm": 1 / camera.pixel_mm}, noise, measured, 0.0),
-        ("attitude", ANGLE_UNITS, given.misfit, attitude, np.hypot(position, noise)),
+    noise, sigmas = measuring_noise(seen, T_m_b, given), stated(block, seen, given)
+    alone = ALONE_M[0] <= sigmas["position"] * _range_m(seen, T_m_b, given) <= ALONE_M[1]
+    for quantity, units, misfit, others in (
+        ("image measurements", {"mm": 1 / camera.pixel_mm}, noise, 0.0),
+        ("attitude", ANGLE_UNITS, given.misfit, np.hypot(sigmas["position"], noise)),
         (
             "position",
             {} if alone else LENGTH_UNITS,
             given.misfit,
-            position,
-            np.hypot(attitude, noise),
+            np.hypot(sigmas["attitude"], noise),
         ),
     ):
+        sigma = sigmas[quantity]
         before = misfit / np.hypot(sigma, others)
         if alone and quantity == "position" and before < 1 / OFF:
             return Found(name=SHARED, quantity=quantity, given=before, found=np.nan, unit="σ")
@@ -916,6 +934,9 @@ QUANTILE, NORMAL = 0.75, 1.1503
 
 TURNS, STEPS = 8, 12
 """Largest numbers of closed-form turns, and of adjustment steps after them."""
+
+TURNED_ENOUGH = 1e-6
+"""Change of a rotation from which no further turn is made, radians."""
 
 LARGEST_TURN = 0.5
 """Of one step, radians."""
@@ -1032,7 +1053,7 @@ def started(seen: Sightings, T_m_b: Pose) -> Mounted:
         met = intersect(body.r, transform(body.R @ R_b_c, ray_c), seen.point_idx, len(x_m))
         x_m[ties] = met[ties]
     start = Mounted(cameras=tuple(cameras), x_m=x_m)
-    return replace(start, misfit=size(_linear(seen, T_m_b, start)[0]))
+    return replace(start, misfit=size(_residuals(seen, T_m_b, x_m, start.cameras)))
 
 
 def _turned(R_b_c: Array, ray_c: Array, to_b: Array) -> Array:
@@ -1042,9 +1063,13 @@ def _turned(R_b_c: Array, ray_c: Array, to_b: Array) -> Array:
     """
     weight = np.ones(len(ray_c))
     for _ in range(TURNS):
-        U, _, Vt = np.linalg.svd(np.einsum("n,ni,nj->ij", weight, to_b, ray_c))
+        before = R_b_c
+        U, _, Vt = np.linalg.svd((to_b * weight[:, None]).T @ ray_c)
         R_b_c = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
-        weight = 1 / np.maximum(np.linalg.norm(to_b - ray_c @ R_b_c.T, axis=1), 1e-4)
+        if np.abs(R_b_c - before).max() < TURNED_ENOUGH:
+            break
+        chord = to_b - ray_c @ R_b_c.T
+        weight = 1 / np.maximum(np.sqrt(np.einsum("ni,ni->n", chord, chord)), 1e-4)
     return R_b_c
 
 
@@ -1130,7 +1155,7 @@ def _linear(
     v, A, B = _of_cameras(*moves.applied(sizes, seen, T_m_b, state.x_m), state.cameras)
     for unit in np.eye(len(sizes)):
         there = moves.applied(sizes + DIFFERENCE * unit, seen, T_m_b, state.x_m)
-        by_size = (_of_cameras(*there, state.cameras)[0] - v) / DIFFERENCE
+        by_size = (_residuals(*there, state.cameras) - v) / DIFFERENCE
         A = np.concatenate([A, by_size[:, :, None]], axis=2)
     return v, A, B
 
@@ -1139,23 +1164,37 @@ def _of_cameras(
     seen: Sightings, T_m_b: Pose, x_m: Array, cameras: tuple[Camera, ...]
 ) -> tuple[Array, Array, Array]:
     """Return the same, by the unknowns of the cameras only."""
-    v, B = np.empty((len(seen), 2)), np.empty((len(seen), 2, 3))
+    B = np.empty((len(seen), 2, 3))
     A = np.zeros((len(seen), 2, N_CAMERA * len(cameras)))
-    for k, camera in enumerate(cameras):
-        rows = np.flatnonzero(seen.camera_idx == k)
-        f, unit = camera.interior.f, seen.cameras[k].interior.f
-        T_m_c = T_m_b[seen.exposure_idx[rows]] @ camera.T_b_c
-        x_c = to_camera(T_m_c, x_m[seen.point_idx[rows]])
-        xy = xy_from_colrow(camera, seen.colrow[rows])
-        ideal = pinhole(f, x_c)
-        v[rows] = (ideal - correct(camera.interior, xy)) / unit
+    for k, rows, T_m_c, x_c, xy in _seen_by(seen, T_m_b, x_m, cameras):
+        f, unit = cameras[k].interior.f, seen.cameras[k].interior.f
         by_x = pinhole_jacobian(f, x_c) / unit
-        by_lens = -correct_jacobian(camera.interior, xy)[:, :, :N_LENS] / unit
-        by_lens[:, :, 0] = ideal / (f * unit)
-        by_mount = [by_x @ skew(x_c), -by_x @ camera.T_b_c.R.T]
+        by_lens = -correct_jacobian(cameras[k].interior, xy)[:, :, :N_LENS] / unit
+        by_lens[:, :, 0] = pinhole(f, x_c) / (f * unit)
+        by_mount = [by_x @ skew(x_c), -by_x @ cameras[k].T_b_c.R.T]
         A[rows, :, N_CAMERA * k : N_CAMERA * (k + 1)] = np.concatenate([*by_mount, by_lens], axis=2)
         B[rows] = by_x @ np.swapaxes(T_m_c.R, -1, -2)
-    return v, A, B
+    return _residuals(seen, T_m_b, x_m, cameras), A, B
+
+
+def _residuals(seen: Sightings, T_m_b: Pose, x_m: Array, cameras: tuple[Camera, ...]) -> Array:
+    """Return projected minus corrected image points, divided by the declared focal length."""
+    v = np.empty((len(seen), 2))
+    for k, rows, _, x_c, xy in _seen_by(seen, T_m_b, x_m, cameras):
+        interior = cameras[k].interior
+        v[rows] = (pinhole(interior.f, x_c) - correct(interior, xy)) / seen.cameras[k].interior.f
+    return v
+
+
+def _seen_by(
+    seen: Sightings, T_m_b: Pose, x_m: Array, cameras: tuple[Camera, ...]
+) -> Iterator[tuple[int, Index, Pose, Array, Array]]:
+    """Yield a camera's measurements, its poses, points in its frame, and image coordinates."""
+    for k, camera in enumerate(cameras):
+        rows = np.flatnonzero(seen.camera_idx == k)
+        T_m_c = T_m_b[seen.exposure_idx[rows]] @ camera.T_b_c
+        x_c = to_camera(T_m_c, x_m[seen.point_idx[rows]])
+        yield k, rows, T_m_c, x_c, xy_from_colrow(camera, seen.colrow[rows])
 
 
 def _step(

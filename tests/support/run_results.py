@@ -14,12 +14,14 @@ from acx4files import flight
 from acx4files.results import adjustments, provenance, read_back
 from acx4files.results import folder as results
 from acx4files.results.rows import calibration_tables, orientation_tables
+from acx4files.stages import diagnosed
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration import mounting
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.georeferencing import validation
+from acx4lib.model import Model
 from support.flights import written
 
 SINGLE = "mounting/single_step"
@@ -42,14 +44,14 @@ def leave_results(folder, *, seed=2):
     at, kept = Path(folder) / "flight", Path(folder) / "results"
     acx4sim.write(acx4sim.DESIGNS["single-head"](seed=seed), at)
     flown = flight.read(at)
-    found = mounting.calibrate(flown.calibration, free=flown.estimate_mounting)
-    adjustments.write(kept, "mounting", adjustments.of_mountings(found), flight=flown)
+    found = mounting.calibrate(flown.calibration, Model(free=flown.estimate_mounting))
+    adjustments.write(kept, "mounting", diagnosed.of_mountings(found), flight=flown)
     calibrations = read_back.calibrations_for(flown, results.read(kept), flown.validation.cameras)
     validated = [
         validation.validate(flown.validation, one, method=method)
         for method, one in calibrations.items()
     ]
-    adjustments.write(kept, "validation", adjustments.of_validations(validated), flight=flown)
+    adjustments.write(kept, "validation", diagnosed.of_validations(validated), flight=flown)
     return at, kept
 
 

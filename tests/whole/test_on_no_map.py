@@ -15,6 +15,7 @@ from acx4files.stages import mounting, order
 from acx4lib.calibration.mounting import single_step
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.geometry.frames import opk_from_rotation
+from acx4lib.model import Model
 from support import blocks
 from support.flights.written import write_flight
 
@@ -93,7 +94,7 @@ def test_a_trajectory_with_sigma_calibrates_as_it_does_in_arrays(block):
     flight = flown(block, sigma=("positions", "attitudes"), control=True)
     fit = mounting.calibrate(flight).single_step
     assert flight.fix == ()
-    same = single_step(flight.calibration, free=FREE)
+    same = single_step(flight.calibration, Model(free=FREE))
     truth = blocks.CAMERA
     assert fit.calibration.cameras[0].interior.f == same.calibration.cameras[0].interior.f
     assert_allclose(fit.calibration.cameras[0].interior.f, truth.interior.f, atol=0.02)

@@ -465,13 +465,13 @@ def classes(
         cells: dict[str, str] = {}
         for scale in scales:
             reached = accuracy.pec_pcd(size, scale)
-            cells[f"PEC-PCD 1:{scale}, plan / height"] = f"{reached.plan} / {reached.height}"
-        cells["NSSDA"] = accuracy.nssda(size).statement
+            cells[f"PEC-PCD 1:{scale}, plan / height"] = f"{reached['plan']} / {reached['height']}"
+        cells["NSSDA"] = accuracy.nssda(size)["statement"]
         old = accuracy.asprs_2014(size, survey_sigma=sigma)
         new = accuracy.asprs_2023(size, survey_sigma=sigma)
-        cells["ASPRS 2014, horizontal / vertical"] = f"{old.horizontal} / {old.vertical}"
+        cells["ASPRS 2014, horizontal / vertical"] = f"{old['horizontal']} / {old['vertical']}"
         cells["ASPRS 2023, horizontal / vertical / 3D"] = (
-            f"{new.horizontal} / {new.vertical} / {new.three_d}"
+            f"{new['horizontal']} / {new['vertical']} / {new['three_d']}"
         )
         columns[title] = cells
     return pd.DataFrame(columns).rename_axis("standard")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 
@@ -15,6 +16,7 @@ COMMAND = ("click", "cv2", "imagecodecs", "rich", "tifffile", "typer")
 
 def main() -> NoReturn:
     """Run the command of the command line and exit."""
+    gc.set_threshold(100_000, 20, 20)  # most objects of an import stay: a tenth of a short command
     try:
         from acx4book.command import acx4  # noqa: PLC0415 takes longest
     except ModuleNotFoundError as error:

@@ -254,7 +254,7 @@ def of_ideal(benchmarks: Path, method: str) -> Flights:
         row["height"] = statistics.rms[2]
         for scale in SCALES:
             reached = accuracy.pec_pcd(statistics, scale)
-            row |= {f"plan_{scale}": reached.plan == "A", f"height_{scale}": reached.height == "A"}
+            row |= {f"{kind}_{scale}": reached[kind] == "A" for kind in ("plan", "height")}
         rows.append(row)
     return pd.DataFrame(rows)
 

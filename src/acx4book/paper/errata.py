@@ -24,8 +24,8 @@ from acx4book.typesetting.myst import LABELS, TITLES, marked, say, sections
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4files.flight.reader import Flight, read_kept
 from acx4files.results import folder
-from acx4files.results.adjustments import mounted_block
 from acx4files.results.provenance import KEPT
+from acx4files.results.read_back import mounted_block
 from acx4files.stages import mounting
 from acx4lib.calibration.determination import Absorption, absorption
 from acx4lib.expected import Array, Mask
@@ -817,7 +817,7 @@ def _one_direction() -> Values:
 def _map_scale_classes(scales: Sequence[int] = (1000, 2000, 5000, 10000)) -> pd.DataFrame:
     """Classify Table 4 under PEC-PCD."""
     rows = [
-        {"method": method, **asdict(accuracy.pec_pcd(_printed_accuracy(method), scale))}
+        {"method": method, **accuracy.pec_pcd(_printed_accuracy(method), scale)}
         for scale in scales
         for method in paper.METHODS
     ]
@@ -843,7 +843,7 @@ def _map_scales() -> Values:
     ]
     printed = _printed_accuracy("two_step")
     sigma = from_summary(printed.n, mean=printed.mean, std=printed.std, rms=printed.std)
-    by_std = accuracy.pec_pcd(sigma, large).height
+    by_std = accuracy.pec_pcd(sigma, large)["height"]
     return {
         "small": small,
         "large": large,

@@ -8,13 +8,11 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 from scipy import stats
-from scipy.spatial import ConvexHull
 
 from acx4book.reference import dbat_files
 from acx4book.reference.dbat_files import INTERIOR_NAMES, Angle, Place, Project, Statements
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.expected import Array, Index
-from acx4lib.geometry.camera import reduced, xy_from_colrow
 from acx4lib.geometry.frames import opk_jacobian
 
 HIGH = 0.95
@@ -25,7 +23,7 @@ EXTERIOR = ("Xc", "Yc", "Zc", "Omega", "Phi", "Kappa")
 MODEL = "Backward (Photogrammetry) model 3"
 """Of DBAT's lens models the one of both reports, and ours."""
 
-_NO_RESULT = {
+_NO_RESULT: dict[Place, str] = {
     ("Project",): "names and folders on its author's machine",
     (LAST, "Last Bundle Run"): "date",
     (LAST, "DBAT version"): "version",
@@ -37,6 +35,21 @@ _NO_RESULT = {
     (LAST, "Total error", "Number of iterations"): "course of its computation",
     (LAST, "Total error", "First error"): "depends on its own start values",
     (LAST, "Execution times (s)"): "course of its computation",
+    ("Problems and suggestions",): "sentences on numbers that stand elsewhere",
+    (LAST, "Cameras", "Rated angle of view (h,v,d)"): "of the sensor alone",
+    (LAST, "Cameras", "Largest distortion"): "by a formula of its own",
+    **{
+        (LAST, "Cameras", "Camera1 (simple)", f"{what} {side}"): "of the sensor alone"
+        for what in ("Format", "Image", "Pixel")
+        for side in ("width", "height")
+    },
+    (LAST, "Cameras", "Camera1 (simple)", "X resolution"): "of the sensor alone",
+    (LAST, "Cameras", "Camera1 (simple)", "Y resolution"): "of the sensor alone",
+    **{
+        (QUALITY, what): "counts of the measurements"
+        for what in ("Photographs", "Cameras", "Photo Coverage", "Point Measurements")
+    },
+    (QUALITY, "Point Angles"): "angles of rays that are not adjusted",
 }
 """Lines of a report that are no results of the adjustment, with the reasons."""
 
@@ -54,13 +67,9 @@ def results(project: Project) -> pd.DataFrame:
     sections = (
         ours.status(),
         ours.camera(),
-        ours.sensor(),
         ours.photographs(),
-        ours.coverage(),
-        ours.rays(),
         ours.residuals(),
         ours.precision(),
-        ours.angles(),
         ours.surveyed("Ctrl", np.flatnonzero(~project.is_check)),
         ours.surveyed("Check", np.flatnonzero(project.is_check)),
     )
@@ -151,15 +160,6 @@ class _Ours:
         return np.array([int(name) for name in self.bundle.network.block.points])
 
     @cached_property
-    def kinds(self) -> Array:
-        """CP, CCP or OP for control, check and other points, shape (n_points,)."""
-        block = self.bundle.network.block
-        kind = np.full(len(block.points), "OP", dtype="<U3")
-        kind[block.control.point_idx] = "CP"
-        kind[block.check.point_idx] = "CCP"
-        return kind
-
-    @cached_property
     def point_covariances(self) -> Array:
         """A posteriori, shape (n_points, 3, 3)."""
         return self.bundle.solution.cov_points * self.bundle.solution.sigma0_sq
@@ -173,25 +173,8 @@ class _Ours:
         )
         n_image = int(2 * len(network.image_points))
         n_points = 3 * int(network.free_points.sum())
-        problems = ("Problems and suggestions",)
-        related = (*problems, "Problems related to the processing")
-        of_camera = bool(np.any(np.abs(_correlations(self.interior[1])) > HIGH))
-        of_stations = any(
-            np.any(np.abs(_correlations(cov)) > HIGH) for cov in exterior(self.project)[1]
-        )
-        words = "a high correlation (see below)."
-        said = {
-            f"One or more of the camera parameter has {words}": of_camera,
-            f"One or more of the camera station parameters has {words}": of_stations,
-        }
         n_other = solution.n_observations - n_image
         return {
-            (*problems, "Project Problems", "Structural rank"): "ok.",
-            (*problems, "Project Problems", "Numerical rank"): (
-                "deficient" if solution.undetermined.any() else "ok."
-            ),
-            related: (int(of_camera) + int(of_stations),),
-            **{(*related, text): "" for text, is_said in said.items() if is_said},
             (LAST, "Status"): "OK",
             (LAST, "Sigma0"): (sigma0,),
             (LAST, "Sigma0 (pixels)"): (sigma0 * sigma_px,),
@@ -225,40 +208,6 @@ class _Ours:
                 out[(*camera, HEADINGS[names[0]], "Cumulative significance")] = p
         return out
 
-    def sensor(self) -> Statements:
-        camera, place = self.bundle.cameras[0], (LAST, "Cameras", "Camera1 (simple)")
-        size_px = np.array([camera.width_px, camera.height_px])
-        rated_mm = camera.pixel_mm * size_px
-        size_mm = rated_mm * np.array([1 + camera.interior.b1, 1.0])
-        diagonal_mm = float(np.hypot(*rated_mm))
-        view = 2 * np.degrees(np.arctan(np.append(rated_mm, diagonal_mm) / 2 / camera.interior.f))
-        largest = self._largest_distortion_mm()
-        share = 200 * largest / diagonal_mm
-        out: Statements = {
-            (*place[:-1], "Rated angle of view (h,v,d)"): tuple(map(float, view)),
-            (*place[:-1], "Largest distortion"): (largest, largest / camera.pixel_mm, share),
-        }
-        for k, (side, axis) in enumerate((("width", "X"), ("height", "Y"))):
-            out[(*place, f"Format {side}", "Value")] = (float(size_mm[k]),)
-            out[(*place, f"Image {side}", "Value")] = (int(size_px[k]),)
-            out[(*place, f"{axis} resolution", "Value")] = (float(size_px[k] / size_mm[k]),)
-            out[(*place, f"Pixel {side}", "Value")] = (float(size_mm[k] / size_px[k]),)
-        return out
-
-    def _largest_distortion_mm(self) -> float:
-        """Return the largest distortion in the corners of the image by DBAT's formula, mm."""
-        # with square pixels, with |dx| + |dy|, and with P1 and P2 exchanged in dx and in dy
-        camera = self.bundle.cameras[0]
-        _, px, py, _, k1, k2, k3, p1, p2 = self.interior[0]
-        size = camera.pixel_mm * np.array([camera.width_px, camera.height_px])
-        corners = 0.5 * camera.pixel_mm + size * np.array([[0, 0], [0, 1], [1, 1], [1, 0]])
-        x, y = corners[:, 0] - px, corners[:, 1] - py
-        r2 = x * x + y * y
-        radial = r2 * (k1 + r2 * (k2 + r2 * k3))
-        dx = x * radial + p1 * (r2 + 2 * x * x) + 2 * p1 * x * y
-        dy = y * radial + p2 * (r2 + 2 * y * y) + 2 * p2 * x * y
-        return float(np.max(np.abs(dx) + np.abs(dy)))
-
     def photographs(self) -> Statements:
         values, cov = exterior(self.project)
         photos = (LAST, "Precisions / Standard Deviations", "Photograph Standard Deviations")
@@ -266,63 +215,6 @@ class _Ours:
         for k, name in enumerate(self.bundle.network.block.images.names):
             place = (*photos, f"Photo {k + 1}")
             out |= {place: name, **_estimated(place, EXTERIOR, values[k], cov[k])}
-        return out
-
-    def coverage(self) -> Statements:
-        """Return counts, and the shares of the image that points cover, in percent."""
-        n = len(self.bundle.network.block.images)
-        camera, known = (QUALITY, "Cameras", "Camera1"), bool(self.project.free)
-        outside = (QUALITY, "Photo Coverage", "Reference points outside calibrated region")
-        every = 100 * np.array([self._covered(np.array([image])) for image in range(n)])
-        union = 100 * self._covered(np.arange(n))
-        shares: Statements = {
-            (*camera, "Photo point coverage", name): tuple(
-                map(float, (share.min(), share.max(), share.mean(), union[k]))
-            )
-            for k, (name, share) in enumerate(
-                zip(("Rectangular", "Convex hull", "Radial"), every.T, strict=True)
-            )
-        }
-        return {
-            (QUALITY, "Photographs", "Total number"): (n,),
-            (QUALITY, "Photographs", "Numbers used"): (int(self.bundle.oriented.sum()),),
-            (QUALITY, "Cameras", "Total number"): (1, 1, 0),
-            (*camera, "Calibration"): "yes" if known else "<not available>",
-            (*camera, "Number of photos using camera"): (n,),
-            (*outside, "Camera 1"): "none" if known else "<not available>",
-            **shares,
-        }
-
-    def _covered(self, images: Index) -> Array:
-        """Return the shares that the points of images cover: rectangle, convex hull, radius."""
-        points, camera = self.bundle.network.block.image_points, self.bundle.cameras[0]
-        colrow = points.colrow[np.isin(points.image_idx, images)]
-        size = np.array([camera.width_px, camera.height_px])
-        corners = size * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-        inside, whole = (
-            float(np.hypot(*reduced(camera.interior, xy_from_colrow(camera, pixels)).T).max())
-            for pixels in (colrow, corners)
-        )
-        areas = np.array([np.prod(np.ptp(colrow, axis=0)), ConvexHull(colrow).volume])
-        return np.append(areas / np.prod(size), inside / whole)
-
-    def rays(self) -> Statements:
-        rays, kind = self.bundle.network.block.rays, self.kinds
-        place = (QUALITY, "Point Measurements")
-        # their ray count of OP includes the check points
-        groups = {"CP": kind == "CP", "CCP": kind == "CCP", "OP": kind != "CP"}
-        out: Statements = {
-            (*place, f"Number of {name} pts"): (int((kind == key).sum()),)
-            for name, key in (("control", "CP"), ("check", "CCP"), ("object", "OP"))
-        }
-        for name, in_group in groups.items():
-            counts, heading = rays[in_group], (*place, f"{name} ray count")
-            if len(counts) == 0:
-                out[heading] = "-"
-                continue
-            out[heading] = (int(counts.min()), int(counts.max()), float(counts.mean()))
-            for count, points in zip(*np.unique(counts, return_counts=True), strict=True):
-                out[(*heading, f"points with {count} rays")] = (int(points),)
         return out
 
     def residuals(self) -> Statements:
@@ -366,40 +258,6 @@ class _Ours:
             label = f"Points with correlation above {percent}%"
             above = int(np.sum(lower > percent / 100))
             out[(*place, "Points with high correlations", label)] = (above,)
-        return out
-
-    def angles(self) -> Statements:
-        """Return the angles of rays that are nearest to 90 degrees, by kind of point.
-
-        The report takes the photos of the object points with the smallest angles from the same row
-        of the table of *all* points. If control points come first there, these are the photos of
-        another point; we do the same.
-        """
-        network, place = self.bundle.network, (QUALITY, "Point Angles")
-        points = network.image_points
-        down = self.bundle.state.x_m[points.point_idx] - self.bundle.T_m_c.r[points.image_idx]
-        rays = down / np.linalg.norm(down, axis=1, keepdims=True)
-        angle = np.zeros(network.n_points)
-        for point in range(network.n_points):
-            of_point = rays[points.point_idx == point]
-            angle[point] = np.degrees(np.arccos(min(np.abs(of_point @ of_point.T).min(), 1.0)))
-        out: Statements = {}
-        for name in ("CP", "CCP", "OP"):
-            rows = np.flatnonzero(self.kinds == name)
-            if len(rows) == 0:
-                out |= {(*place, name, label): "-" for label in ("Minimum", "Maximum", "Average")}
-                continue
-            low, high = rows[angle[rows].argmin()], rows[angle[rows].argmax()]
-            out[(*place, name, "Minimum")] = (float(angle[low]), int(self.numbers[low]))
-            out[(*place, name, "Maximum")] = (float(angle[high]), int(self.numbers[high]))
-            out[(*place, name, "Average")] = (float(angle[rows].mean()),)
-        order = np.argsort(angle[rows], kind="stable")
-        limit = min(1.1 * angle[rows][order[2]] + 0.1, 80.0)
-        table = (*place, "OP", "Smallest angles (ID, angle [deg], vis in cameras)")
-        for row in order[: max(int(np.sum(angle[rows] < limit)), 3)]:
-            photos = np.sort(points.image_idx[points.point_idx == row]) + 1
-            where = (*table, str(self.numbers[rows[row]]))
-            out[where] = (float(angle[rows[row]]), *map(int, photos))
         return out
 
     def surveyed(self, name: str, rows: Index) -> Statements:

@@ -25,7 +25,7 @@ from acx4files.flight.problems import lines_of
 from acx4files.flight.table_files import Columns
 from acx4files.flight.tables import name_fault
 from acx4files.flight.toml_file import read_toml
-from acx4files.results import own_folder, whole_files
+from acx4files.results import whole_files
 from acx4lib.errors import FlightError, OutputError
 from acx4lib.geometry.geodesy import LOCAL
 
@@ -66,7 +66,7 @@ def write(imported: ImportedFlight, folder: Path) -> tuple[str, ...]:
         Where measurements lie outside the pictures.
     """
     _require_inside(imported)
-    with own_folder.claim(folder, signs=[STATEMENT], becomes_flight=True):
+    with whole_files.claim(folder, signs=[STATEMENT]):
         edited = (folder / SETTINGS).exists() and bool(_changed(folder, [SETTINGS]))
         texts = {name: _table_text(table) for name, table in imported.tables.items()}
         if imported.settings and not edited:
@@ -147,7 +147,7 @@ def begin(
     OutputError
         Where the folder holds anything.
     """
-    with own_folder.claim(folder, signs=[], becomes_flight=True):
+    with whole_files.claim(folder, signs=[]):
         _place(folder, {**texts, STATEMENT: _written(texts)}, files)
 
 

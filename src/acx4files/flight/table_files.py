@@ -79,7 +79,7 @@ def read_columns(
     notes += [] if text.endswith("\n") else [f"{file}: {NO_END}"]
     problems += tuple(_width_problems(file, lines, widths[:used], len(header)))
     return replace(
-        _checked(replace(table, problems=problems, notes=tuple(notes)), cells, schema),
+        checked(replace(table, problems=problems, notes=tuple(notes)), cells, schema),
         whole=bool(whole.all()),
     )
 
@@ -196,8 +196,18 @@ def _width_problems(
 # --- The cells of a table, from a file or from memory
 
 
-def _checked(table: Table, cells: Mapping[str, Any], schema: Schema) -> Table:
-    """Return a table with its names and numbers, and their problems."""
+def checked(table: Table, cells: Mapping[str, Any], schema: Schema) -> Table:
+    """Return a table with its names and numbers, and their problems.
+
+    Parameters
+    ----------
+    table : Table
+        Of the same rows; its own problems are kept.
+    cells : mapping of str to sequence
+        The cells of each column, text or, of a table in memory, numbers.
+    schema : Schema
+        Ranges of the columns of numbers, names that may be empty, keys.
+    """
     numbers = {name: _numbers(cells[name]) for name in cells if name in schema.ranges}
     text = {name: tuple(cells[name]) for name in cells if name not in schema.ranges}
     table = replace(table, text=text, numbers=numbers)
@@ -220,6 +230,8 @@ def _number_problems(
 ) -> Iterator[Problem]:
     finite, lon = np.isfinite(values), table.numbers.get("lon_deg")
     good = (values >= allowed.low) & (values <= allowed.high)
+    if allowed.whole:
+        good &= values == np.round(values)
     if table.in_memory and name.startswith("sigma"):
         good |= np.isposinf(values)  # not known
         finite |= np.isposinf(values)
@@ -422,7 +434,7 @@ def table_in_memory(columns: Columns, name: str, schema: Schema) -> Table:
         problems += faults
     if problems:
         return replace(table, problems=tuple(problems), whole=False)
-    table = _checked(table, cells, schema)
+    table = checked(table, cells, schema)
     sums = hashlib.sha256()
     for column, names_of in table.text.items():
         sums.update("\0".join((column, *names_of)).encode())

@@ -19,6 +19,7 @@ from acx4lib.calibration.common_errors import freely_turned
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import NOT_GIVEN, Array, Index, Mask
 from acx4lib.geometry.parameters import Prior
+from acx4lib.model import Model
 
 WANTED = 3
 """Rays of a point, wherever the block has as many pictures of its place."""
@@ -256,7 +257,7 @@ def _shared(bundle: Bundle, rays: TieRays) -> Array:
     least_px = np.hypot(rays.sigma_px, LEAST_SIGMA_PX)
     for _ in range(_ROUNDS):
         factor = np.hypot(rays.sigma_px, shared_px[group_of]) / least_px
-        turned = freely_turned(_times(bundle, factor), partial(mounted_orientation, free=()))
+        turned = freely_turned(_times(bundle, factor), partial(mounted_orientation, model=Model()))
         shared_px = _once_more(turned, rays, group_of, shared_px)
     return shared_px.reshape(-1, 2)
 
@@ -308,7 +309,7 @@ def _adjusted(block: Block) -> Bundle:
     for free in (names for least, names in FREE if len(block.images) >= least):
 
         def network(trial: Block, free: tuple[str, ...] = free) -> Network:
-            return mounted_orientation(trial, free=free)
+            return mounted_orientation(trial, Model(free=free))
 
         try:
             return adjust_rejecting(block, network, critical=CRITICAL, sigma0="estimated")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from acx4files.results.table_files import COLUMNS, COMPONENTS, RELATIVE
+from acx4files.results.folder import COLUMNS, COMPONENTS, RELATIVE
 from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network

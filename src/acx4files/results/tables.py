@@ -63,9 +63,7 @@ def covariance(calibration: Calibration) -> pd.DataFrame:
     return pd.DataFrame(estimates.reported_covariance(calibration), index=names, columns=names)
 
 
-def ground_points(
-    block: Block, georeferenced: Georeferenced, pixels: Columns, *, refraction: str = "none"
-) -> pd.DataFrame:
+def ground_points(block: Block, georeferenced: Georeferenced, pixels: Columns) -> pd.DataFrame:
     """Locate pixels on the ground at given heights.
 
     Parameters
@@ -77,8 +75,6 @@ def ground_points(
         ``image``, ``col_px``, ``row_px``, ``height_m``, the height in the flight's system, and
         optionally ``sigma_px``, by default that of `Apriori`, and ``sigma_height_m``, by default
         negligible.
-    refraction : str
-        ``"none"`` or ``"standard"``.
 
     Returns
     -------
@@ -119,7 +115,6 @@ def ground_points(
         rays,
         height_m=table.numbers["height_m"],
         sigma_height_m=table.numbers.get("sigma_height_m"),
-        refraction=refraction,
     )
     out = pd.DataFrame(
         {"image": list(names), "col_px": rays.colrow[:, 0], "row_px": rays.colrow[:, 1]}

@@ -10,6 +10,7 @@ import numpy as np
 
 from acx4files.flight.reader import Flight
 from acx4files.results import adjustments
+from acx4files.stages import diagnosed
 from acx4lib.attempts import Failed, attempt
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration import held
@@ -40,12 +41,7 @@ def run(flight: Flight, results_path: str | Path) -> HeadsStage:
 
 def calibrate(flight: Flight) -> HeadsStage:
     """Adjust every head of the block heads separately, and orient the heads to each other."""
-    heads = calibrate_heads(
-        flight.block("heads"),
-        flight.head_names,
-        free=flight.estimate_heads,
-        refraction=flight.refraction,
-    )
+    heads = calibrate_heads(flight.block("heads"), flight.head_names, flight.heads_model)
     return HeadsStage(heads, attempt(relative_orientation, heads, flight.synthetic_camera))
 
 
@@ -88,7 +84,6 @@ def _held_effect(
 def _record(name: str, fit: Bundle) -> adjustments.Record:
     """Return the record of a head, with its largest correlations in the summary."""
     key = f"heads/bundle/{name}"
-    record = adjustments.of_bundle("heads", "bundle", fit, summary_key=key)
-    record = adjustments.with_held(record, held.of_bundle(fit))
+    record = diagnosed.of_head(name, fit)
     largest: dict[str, object] = {**largest_pairs(interior_exterior(fit))}
     return replace(record, summary={key: {**record.summary[key], "largest_correlations": largest}})

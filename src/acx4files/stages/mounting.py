@@ -9,9 +9,13 @@ from typing import TYPE_CHECKING, TypeVar
 
 from acx4files.flight.reader import Flight
 from acx4files.results import adjustments, folder, provenance
-from acx4files.results.adjustments import mounted_block, read_carried
-from acx4files.results.earlier import ORIENTED
-from acx4files.results.read_back import read_relative_orientation
+from acx4files.results.read_back import (
+    ORIENTED,
+    mounted_block,
+    read_carried,
+    read_relative_orientation,
+)
+from acx4files.stages import diagnosed
 from acx4files.stages.order import rig_leads
 from acx4lib import shown
 from acx4lib.attempts import Failed
@@ -110,13 +114,9 @@ def calibrate(flight: Flight, block: Block | None = None) -> MountingStage:
             msg = "block calibration is measured in heads: give it with points transferred, `block`"
             raise ValueError(msg)
         block = flight.block("calibration")
-    free, fix, refraction = flight.estimate_mounting, flight.fix, flight.refraction
-    block, factors = mounting.weighted(
-        block, weights=flight.weights, free=free, fix=fix, refraction=refraction, gnss=flight.gnss
-    )
-    outcomes = mounting.outcomes(block, free=free, fix=fix, refraction=refraction, gnss=flight.gnss)
-    together = mounting.together(outcomes)
-    return MountingStage(block=block, sigma_factors=factors, mountings=together)
+    block, factors = mounting.weighted(block, flight.model, weights=flight.weights)
+    mountings = mounting.calibrate(block, flight.model)
+    return MountingStage(block=block, sigma_factors=factors, mountings=mountings)
 
 
 def measured(flight: Flight, results_path: str | Path) -> Block:
@@ -190,7 +190,7 @@ def write(
     factors : mapping of str to float
         Factors of the given standard deviations, by group of observations.
     """
-    records = adjustments.of_mountings(
+    records = diagnosed.of_mountings(
         mountings, applied=factors, over_ground=flight.validation is None
     )
     methods = METHODS if rig_leads(flight) else ()  # the rig has been written before

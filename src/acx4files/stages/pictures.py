@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acx4files.flight.reader import Flight
-from acx4files.images.exposure import spread
+from acx4files.images.flight_images import spread
 from acx4files.images.head_images import head_files, read_heads
 from acx4lib import shown
 from acx4lib.calibration.heads import RelativeOrientation
@@ -18,7 +18,7 @@ from acx4lib.expected import Array, Raster
 from acx4lib.geometry.camera import Camera
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
 from acx4lib.synthetic_image.response import ResponseFit, fit_response, overlap_samples
-from acx4lib.tie_points.search import ImageTies, OverlapTies, check_overlaps, find_ties
+from acx4lib.tie_points.search import ImageTies, OverlapTies, find_ties
 from acx4lib.tie_points.ties import TiePoints
 
 if TYPE_CHECKING:
@@ -142,8 +142,7 @@ def read_pictures(
     Raises
     ------
     FlightError
-        With a sentence for every file that cannot be used, and for every picture that does not
-        show what its neighbours show.
+        With a sentence for every file that cannot be used.
     """
     synthetic = flight.synthetic_camera
     if flight.heads is None or synthetic is None or not any(flight.image_files["heads"]):
@@ -165,14 +164,12 @@ def read_pictures(
         for files, heads in zip(chosen, head_images, strict=True)
         if heads.reduction == first
     )
-    pictures = Pictures(
+    return Pictures(
         exposed=exposed,
         reduction=first * reduce,
         synthetic=reduced_camera(synthetic, first * reduce),
         n_complete=len(complete),
     )
-    _check(pictures, orientation)
-    return pictures
 
 
 def _averaged(image: Raster, k: int) -> Raster:
@@ -184,18 +181,6 @@ def _averaged(image: Raster, k: int) -> Raster:
     cut = image[top : top + k * rows, left : left + k * cols]
     means = cut.reshape(rows, k, cols, k, -1).mean(axis=(1, 3))
     return np.rint(means).astype(image.dtype)
-
-
-def _check(pictures: Pictures, orientation: RelativeOrientation) -> None:
-    """Raise a FlightError where a picture does not belong to its head."""
-    heads = reduced_heads(orientation, pictures.reduction)
-    problems = [
-        f"exposure {exposed.exposure}: {sentence}"
-        for exposed in pictures.exposed
-        for sentence in check_overlaps(exposed.images, heads, pictures.synthetic)
-    ]
-    if problems:
-        raise FlightError(problems)
 
 
 def find(pictures: Pictures, orientation: RelativeOrientation) -> FoundTies:

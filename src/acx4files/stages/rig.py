@@ -14,10 +14,10 @@ from acx4files.results import adjustments
 from acx4files.results.adjustments import (
     Record,
     of_left_out,
-    of_mounting,
     of_relative_orientation,
 )
 from acx4files.results.folder import messages
+from acx4files.stages.diagnosed import of_mounting
 from acx4files.stages.order import rig_leads
 from acx4lib import expected, shown
 from acx4lib.attempts import Failed, attempt
@@ -25,7 +25,6 @@ from acx4lib.block import Block, select_cameras
 from acx4lib.calibration import rig
 from acx4lib.calibration.estimates import RIGS, features
 from acx4lib.calibration.mounting import Mounting
-from acx4lib.geometry.parameters import ATTITUDE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -115,20 +114,7 @@ def calibrate(flight: Flight, *, method: str = "rig") -> RigStage:
         ``"rig"`` for the block heads, ``"rig_calibration"`` for the calibration block.
     """
     block = measured(flight, method)
-    outcome = attempt(
-        rig.calibrate,
-        block,
-        free=flight.estimate_heads,
-        fix=flight.fix,
-        refraction=flight.refraction,
-        gnss=of_attitudes(flight.gnss),
-    )
-    return gathered(block, outcome, method)
-
-
-def of_attitudes(gnss: Sequence[str]) -> tuple[str, ...]:
-    """Select the names of attitude errors from those of trajectory errors."""
-    return tuple(name for name in gnss if name in ATTITUDE)
+    return gathered(block, attempt(rig.calibrate, block, flight.heads_model), method)
 
 
 def measured(flight: Flight, method: str = "rig") -> Block:

@@ -57,6 +57,8 @@ class Refinement:
         By the ways of `refinement.FREE`.
     reasons : dict of str to str
         Why a way is missing.
+    warnings : tuple of str
+        Of overlaps without tie points, or with few.
     """
 
     ties: TiePoints
@@ -64,6 +66,7 @@ class Refinement:
     orientations: dict[str, RelativeOrientation]
     fits: dict[str, Refined]
     reasons: dict[str, str]
+    warnings: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         """Summarize the refinement in one line."""
@@ -215,6 +218,7 @@ def gathered(
         Where the tie points are from pixels; problems of overlaps are added to a failure.
     """
     done = {way: fit for way, fit in fits.items() if isinstance(fit, Refined)}
+    warnings = tuple(found.warnings) if found else ()
     orientations = {"before": orientation, **{way: fit.orientation for way, fit in done.items()}}
     return Refinement(
         ties=ties,
@@ -222,10 +226,11 @@ def gathered(
         orientations={**orientations, **({"mean shift": shifted} if len(ties) else {})},
         fits=done,
         reasons={
-            way: "; ".join([failure.reason, *(found.warnings if found else [])])
+            way: "; ".join([failure.reason, *warnings])
             for way, failure in fits.items()
             if isinstance(failure, Failed)
         },
+        warnings=warnings,
     )
 
 
@@ -258,12 +263,13 @@ def _records(refinement: Refinement) -> list[Record]:
     fit = refinement.fits["rotations"]
     n_turned = len(refinement.orientation.heads) - 1 - len(fit.unreached)
     n_observations, n_unknowns = 2 * len(refinement.kept), 3 * n_turned
+    notes = list(filter(None, (fit.sentence, *refinement.warnings)))
     entries = {
         "n_observations": n_observations,
         "n_unknowns": n_unknowns,
         "redundancy": n_observations - n_unknowns,
         "sigma0_squared": fit.sigma0**2,
         "n_rejected": int(fit.rejected.sum()),
-        **({"notes": [f"synthetic/refined: {fit.sentence}"]} if fit.sentence else {}),
+        **({"notes": [f"synthetic/refined: {note}" for note in notes]} if notes else {}),
     }
     return [of_relative_orientation("synthetic", "refined", refinement.orientation, **entries)]

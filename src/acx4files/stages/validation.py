@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from acx4files.flight.reader import Flight
-from acx4files.results import adjustments, earlier, folder, provenance, read_back
-from acx4files.results.adjustments import Record, mounted_block, of_validations
-from acx4files.results.earlier import Earlier
-from acx4files.stages.rig import of_attitudes
+from acx4files.results import adjustments, folder, provenance, read_back
+from acx4files.results.adjustments import Record
+from acx4files.results.read_back import Earlier, calibrated, mounted_block, rigs_for
+from acx4files.stages.diagnosed import of_validations
 from acx4lib.attempts import attempt
 from acx4lib.block import Block
 from acx4lib.calibration.estimates import Calibration, features
@@ -109,7 +109,9 @@ def calibrated_rigs(
 
 def whose(flight: Flight, calibration_path: str | Path) -> str:
     """Return a sentence on the earlier flight whose calibrations are validated; empty without."""
-    return earlier.read(calibration_path, flight).sentence if str(calibration_path) else ""
+    return (
+        read_back.read_earlier(calibration_path, flight).sentence if str(calibration_path) else ""
+    )
 
 
 class _Before(NamedTuple):
@@ -126,10 +128,10 @@ def _before(flight: Flight, results_path: str | Path, calibration_path: str | Pa
     in_heads = "validation" in flight.transferred
     heads = flight.block("validation")
     if str(calibration_path):
-        given = earlier.read(calibration_path, flight)
-        block = given.block(flight)
-        rigs = given.rigs(heads) if in_heads else {}
-        return _Before(block, given.calibrations(block), rigs, given)
+        given = read_back.read_earlier(calibration_path, flight)
+        block, found = given.block(flight), given.run.found
+        rigs = rigs_for(found, given.declared(heads)) if in_heads else {}
+        return _Before(block, calibrated(found, given.declared(block)), rigs, given)
     needed = {"synthetic": in_heads, "mounting": bool(flight.calibration)}
     stages = [stage for stage, is_needed in needed.items() if is_needed]
     found = provenance.results_before(results_path, stages, flight)
@@ -145,7 +147,7 @@ def _validations(
     flight: Flight, block: Block, calibrations: Mapping[str, Calibration]
 ) -> list[Validation]:
     return [
-        validate(block, calibration, method=method, refraction=flight.refraction)
+        validate(block, calibration, flight.model, method=method)
         for method, calibration in calibrations.items()
     ]
 
@@ -170,7 +172,7 @@ def write(
     calibration_path : path, optional
         Results of the earlier flight whose calibrations they are.
     """
-    before = earlier.read(calibration_path, flight) if str(calibration_path) else None
+    before = read_back.read_earlier(calibration_path, flight) if str(calibration_path) else None
     records = _records(flight, list(validations.values()), calibrations)
     _write(flight, results_path, records, before)
 
@@ -199,9 +201,8 @@ def _with_prediction(
         predict,
         validation.block,
         calibration,
+        flight.heads_model,
         method=validation.method,
-        refraction=flight.refraction,
-        gnss=of_attitudes(flight.gnss),
     )
     return adjustments.with_prediction(record, prediction)
 

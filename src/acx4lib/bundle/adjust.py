@@ -39,17 +39,18 @@ from acx4lib.bundle.start import (
     suspects,
     with_estimates,
 )
-from acx4lib.bundle.unknowns import Layout, State, free_shift, holding, layout
+from acx4lib.bundle.unknowns import Layout, State, holding, layout
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import SMALLEST_F_MM, Camera, mountings
-from acx4lib.geometry.collinearity import REFRACTION, mounted_jacobian
+from acx4lib.geometry.collinearity import mounted_jacobian
 from acx4lib.geometry.frames import Pose
-from acx4lib.geometry.parameters import ATTITUDE, MOUNT, TRAJECTORY
+from acx4lib.geometry.parameters import ATTITUDE
 from acx4lib.least_squares import adjustment, processors
 from acx4lib.least_squares.adjustment import Solution
 from acx4lib.least_squares.covariance import propagate
 from acx4lib.least_squares.reduced_system import held_at_zero
+from acx4lib.model import Model
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,10 +58,9 @@ if TYPE_CHECKING:
 
 def free_orientation(
     block: Block,
+    model: Model,
     *,
-    free: Sequence[str],
     positions: PoseObservations | None = None,
-    refraction: str = "none",
     start: State | None = None,
     held: Sequence[str] = (),
     smallest_angle: float | None = None,
@@ -72,12 +72,10 @@ def free_orientation(
     Parameters
     ----------
     block : Block
-    free : sequence of str
-        Interior parameters to estimate, names of `camera.INTERIOR`.
+    model : Model
+        Its `fix` and `gnss` have no effect.
     positions : PoseObservations, optional
         Observed camera poses, one per image.
-    refraction : str
-        ``"none"`` or ``"standard"``.
     start : State, optional
         Where to begin, by another adjustment of the block: interior orientations, the poses of the
         images' cameras, and points, NaN where it has none. The trajectory still decides which
@@ -93,7 +91,7 @@ def free_orientation(
     AdjustmentError
         As `start.resected`, where the block has no trajectory and there is no start.
     ValueError
-        For an unknown name, or if there is not one position, or start, per image.
+        For an unknown name in `held`, or if there is not one position, or start, per image.
     """
     if smallest_angle is not None:
         block = replace(block, smallest_angle=smallest_angle)
@@ -109,10 +107,10 @@ def free_orientation(
     network = _network(
         block,
         poses=_Poses(names=block.images.names, idx=np.arange(n_images), T_m_b=T_m_c),
-        columns=layout(len(block.cameras), n_images, free=free),
+        columns=layout(len(block.cameras), n_images, free=model.free),
         observed=positions or _unobserved(T_m_c),
         T_b_c=identity,
-        refraction=refraction,
+        refraction=model.refraction,
         better=replace(start, T_b_c=identity) if start else None,
     )
     if not held:
@@ -135,11 +133,8 @@ def _unobserved(T_m_b: Pose) -> PoseObservations:
 
 def mounted_orientation(
     block: Block,
+    model: Model,
     *,
-    free: Sequence[str],
-    free_mount: Sequence[str] = MOUNT,
-    refraction: str = "none",
-    gnss: Sequence[str] = (),
     turns: Array | None = None,
     start: State | None = None,
 ) -> Network:
@@ -148,17 +143,7 @@ def mounted_orientation(
     Parameters
     ----------
     block : Block
-    free : sequence of str
-        Interior parameters to estimate, names of `camera.INTERIOR`.
-    free_mount : sequence of str
-        Parameters of the mounting to estimate, names of `parameters.MOUNT`; the others keep the
-        cameras' values.
-    refraction : str
-        ``"none"`` or ``"standard"``.
-    gnss : sequence of str
-        Errors of the trajectory to estimate, names of `parameters.TRAJECTORY`: a ``"shift"`` of
-        the block, without height where the lever arm's z is estimated; a ``"drift"`` of each strip;
-        a ``"delay"`` of the positions; a ``"deviation"`` of the headings.
+    model : Model
     turns : ndarray, shape (3,), optional
         Standard deviation of the turns of an exposure's pictures against each other, about the
         body's axes, radians: every picture then has a pose of its own. By default they share one.
@@ -170,13 +155,10 @@ def mounted_orientation(
     AdjustmentError
         Where drifts are asked for and the block has no strips; for a delay as
         `observations.velocities`.
-    ValueError
-        For an unknown name.
     """
-    expected.names_of("gnss", gnss, TRAJECTORY)
     trajectory = block.trajectory
-    strips = strips_of(block) if "drift" in gnss else Strips()
-    if "drift" in gnss and not strips.names:
+    strips = strips_of(block) if "drift" in model.gnss else Strips()
+    if "drift" in model.gnss and not strips.names:
         msg = "no strip has two exposures to drift between: images.csv needs its column strip"
         raise AdjustmentError(msg)
     rows = np.arange(len(trajectory)) if turns is None else block.images.exposure_idx
@@ -191,21 +173,21 @@ def mounted_orientation(
         columns=layout(
             len(block.cameras),
             len(rows),
-            free=free,
-            free_mount=free_mount,
-            free_shift=free_shift(gnss, free_mount),
+            free=model.free,
+            free_mount=model.mount,
+            free_shift=model.shift,
             n_drifts=len(strips.names),
-            recorded=[name for name in ("delay", *ATTITUDE) if name in gnss],
+            recorded=[name for name in ("delay", *ATTITUDE) if name in model.gnss],
         ),
         observed=observed_poses(
             trajectory,
             rows,
             turns=turns,
             strips=strips,
-            velocity=velocities(block) if "delay" in gnss else None,
+            velocity=velocities(block) if "delay" in model.gnss else None,
         ),
         T_b_c=mountings(block.cameras),
-        refraction=refraction,
+        refraction=model.refraction,
         better=start,
     )
 
@@ -276,7 +258,6 @@ def _network(
     better: State | None = None,
 ) -> Network:
     """Return the network of a block; recover approximate values that are far off."""
-    expected.one_of("refraction", refraction, REFRACTION)
     # checked here, not in the block: the reader of flights also makes blocks that are not finite
     expected.finite("trajectory.T_m_b.R", poses.T_m_b.R)
     expected.finite("trajectory.T_m_b.r", poses.T_m_b.r)

@@ -15,11 +15,8 @@ from acx4lib.geometry.frames import Pose, exp
 from acx4lib.geometry.parameters import (
     ATTITUDE,
     AXES,
-    BORESIGHT,
-    LEVER_ARM,
     MOUNT,
     POSE,
-    TRAJECTORY,
 )
 
 
@@ -240,49 +237,3 @@ def holding(columns: Layout, held: Index) -> Layout:
         delay=new[columns.delay],
         deviation=new[columns.deviation],
     )
-
-
-def free_mount(fix: Sequence[str]) -> tuple[str, ...]:
-    """Return the parameters of the mounting to estimate, given the parts to hold.
-
-    Parameters
-    ----------
-    fix : sequence of str
-        Any of ``"lever_arm"`` and ``"boresight"``.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name.
-    """
-    expected.names_of("fix", fix, ("lever_arm", "boresight"))
-    return tuple(
-        name
-        for part, names in (("lever_arm", LEVER_ARM), ("boresight", BORESIGHT))
-        if part not in fix
-        for name in names
-    )
-
-
-def free_shift(gnss: Sequence[str], free_mount: Sequence[str]) -> tuple[str, ...]:
-    """Return the axes along which a GNSS shift is estimated.
-
-    A shift in height and a common change of the lever arms' z have the same effect. So the
-    height of the shift is held where the lever arm is estimated.
-
-    Parameters
-    ----------
-    gnss : sequence of str
-        Names of `TRAJECTORY`.
-    free_mount : sequence of str
-        Names of `MOUNT`.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name.
-    """
-    expected.names_of("gnss", gnss, TRAJECTORY)
-    if "shift" not in gnss:
-        return ()
-    return AXES[:2] if "lever_z" in free_mount else AXES

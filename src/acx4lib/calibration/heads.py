@@ -18,10 +18,10 @@ from acx4lib.bundle.observations import shared_errors
 from acx4lib.bundle.rejections import without
 from acx4lib.calibration.estimates import (
     from_bundle,
-    not_determined,
     parameter_rows,
     reported_covariance,
     require_control,
+    undetermined,
 )
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
@@ -30,6 +30,7 @@ from acx4lib.geometry.frames import Pose, mean_rotation, opk_jacobian, skew, tra
 from acx4lib.geometry.parameters import RELATIVE
 from acx4lib.least_squares.adjustment import cross_covariance
 from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.model import Model
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -188,12 +189,7 @@ class CommonExposures:
 
 
 def calibrate_heads(
-    block: Block,
-    heads: Sequence[str],
-    *,
-    free: Sequence[str],
-    refraction: str = "none",
-    after: Heads | None = None,
+    block: Block, heads: Sequence[str], model: Model, *, after: Heads | None = None
 ) -> Heads:
     """Adjust every head by itself with free exterior orientation, and reject gross errors.
 
@@ -202,10 +198,8 @@ def calibrate_heads(
     block : Block
     heads : sequence of str
         Cameras of the block.
-    free : sequence of str
-        Interior parameters, names of `camera.INTERIOR`; the others are held.
-    refraction : str
-        ``"none"`` or ``"standard"``.
+    model : Model
+        Its `fix` and `gnss` have no effect.
     after : Heads, optional
         Another calibration in the same block. Its rejected gross errors are taken over; no others
         are searched for.
@@ -214,13 +208,8 @@ def calibrate_heads(
     -------
     Heads
         A head that cannot be adjusted is in `failures`.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name.
     """
-    network = partial(free_orientation, free=free, refraction=refraction)
+    network = partial(free_orientation, model=model)
     bundles, failures = {}, {}
     before = after.bundles if after else {}
     for name in heads:
@@ -386,7 +375,7 @@ def declared_orientation(heads: Sequence[Camera], synthetic: Camera) -> Relative
 
 
 def _is_weak(fit: Bundle) -> bool:
-    return bool(not_determined(from_bundle(fit)))
+    return bool(undetermined(from_bundle(fit)))
 
 
 def common_exposures(heads: Heads) -> CommonExposures:

@@ -20,7 +20,7 @@ from acx4lib.bundle.adjust import Bundle, adjust, free_orientation, mounted_orie
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.observations import PoseObservations, shared_errors, slow_errors
 from acx4lib.bundle.rejections import Rejection, without
-from acx4lib.bundle.unknowns import Layout, State, free_mount, layout
+from acx4lib.bundle.unknowns import Layout, State, layout
 from acx4lib.bundle.variance_components import (
     PARTS,
     Component,
@@ -39,10 +39,11 @@ from acx4lib.calibration.estimates import (
 )
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
-from acx4lib.geometry.camera import INTERIOR, Camera, mountings
+from acx4lib.geometry.camera import Camera, mountings
 from acx4lib.geometry.frames import Pose, mean_rotation, skew, transform
 from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM
 from acx4lib.least_squares.covariance import propagate
+from acx4lib.model import Model
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -127,48 +128,28 @@ class Mountings:
         return self.methods[method]
 
 
-def calibrate(
-    block: Block,
-    *,
-    free: Sequence[str],
-    fix: Sequence[str] = (),
-    refraction: str = "none",
-    gnss: Sequence[str] = (),
-) -> Mountings:
+def calibrate(block: Block, model: Model) -> Mountings:
     """Calibrate by all methods; the two-step methods begin with the single step's estimates.
 
     Parameters
     ----------
-    block, free, fix, refraction, gnss
-        As in `single_step`, which alone uses `gnss`.
+    block : Block
+    model : Model
+        Its `gnss` is used by the single step alone.
 
     Raises
     ------
     AdjustmentError
         Where all methods fail.
-    ValueError
-        For an unknown name.
     """
-    return together(outcomes(block, free=free, fix=fix, refraction=refraction, gnss=gnss))
+    return together(outcomes(block, model))
 
 
-def outcomes(
-    block: Block,
-    *,
-    free: Sequence[str],
-    fix: Sequence[str] = (),
-    refraction: str = "none",
-    gnss: Sequence[str] = (),
-) -> list[Mounting | Failed]:
+def outcomes(block: Block, model: Model) -> list[Mounting | Failed]:
     """Return the outcome of every method; arguments as in `calibrate`."""
-    single = attempt(single_step, block, free=free, fix=fix, refraction=refraction, gnss=gnss)
-    return [
-        single,
-        *(
-            attempt(method, block, free=free, fix=fix, refraction=refraction, after=single)
-            for method in (two_step, two_step_gnss)
-        ),
-    ]
+    single = attempt(single_step, block, model)
+    two_steps = (two_step, two_step_gnss)
+    return [single, *(attempt(method, block, model, after=single) for method in two_steps)]
 
 
 def together(outcomes: Sequence[Mounting | Failed]) -> Mountings:
@@ -207,29 +188,13 @@ def together(outcomes: Sequence[Mounting | Failed]) -> Mountings:
     )
 
 
-def single_step(
-    block: Block,
-    *,
-    free: Sequence[str],
-    fix: Sequence[str] = (),
-    refraction: str = "none",
-    gnss: Sequence[str] = (),
-    snooping: bool = True,
-) -> Mounting:
+def single_step(block: Block, model: Model, *, snooping: bool = True) -> Mounting:
     """Estimate interior orientation, boresight and lever arm in one adjustment, eq. (14).
 
     Parameters
     ----------
     block : Block
-    free : sequence of str
-        Interior parameters, names of `camera.INTERIOR`.
-    fix : sequence of str
-        ``"lever_arm"``, ``"boresight"``: those named keep the values of the cameras.
-    refraction : str
-        ``"none"`` or ``"standard"``.
-    gnss : sequence of str
-        ``"shift"``, ``"drift"``: those named are unknowns of the GNSS positions, as in
-        `adjust.mounted_orientation`.
+    model : Model
     snooping : bool
         Whether gross errors are looked for, and rejected.
 
@@ -239,38 +204,24 @@ def single_step(
         Where it does not converge, or where neither three control points nor observed positions
         fix where the block lies.
     """
-    expected.names_of("free", free, INTERIOR)
     if lack := no_datum(block):
         raise AdjustmentError(lack)
-    network = partial(
-        mounted_orientation,
-        free=free,
-        free_mount=free_mount(fix),
-        refraction=refraction,
-        gnss=gnss,
-    )
-    with saying_what_lacks(block, (*free, *free_mount(fix))):
+    network = partial(mounted_orientation, model=model)
+    with saying_what_lacks(block, (*model.free, *model.mount)):
         bundle = adjust_rejecting(block, network) if snooping else adjust(network(block))
         bundle, turns = turned(block, bundle, network)
     calibration = enlarged(replace(from_bundle(bundle), turns=turns), bundle)
     return Mounting(method="single_step", calibration=calibration, bundle=bundle)
 
 
-def two_step(
-    block: Block,
-    *,
-    free: Sequence[str],
-    fix: Sequence[str] = (),
-    refraction: str = "none",
-    after: Mounting | Failed | None = None,
-) -> Mounting:
+def two_step(block: Block, model: Model, *, after: Mounting | Failed | None = None) -> Mounting:
     """Estimate the mounting from a bundle on control points alone, eqs (12) and (13).
 
     Parameters
     ----------
     block : Block
-    free, fix, refraction
-        As in `single_step`.
+    model : Model
+        Its `gnss` has no effect.
     after : Mounting, optional
         Outcome of another method on the same block. Its rejected gross errors are taken over,
         since this method searches for none, and its estimates are start values. A failed
@@ -283,22 +234,16 @@ def two_step(
     ValueError
         Where `after` is of another block.
     """
-    estimated = free_mount(fix)
     rejected, start = _taken_over(block, after)
     cleaned = without(block, rejected)
-    network = free_orientation(cleaned, free=free, refraction=refraction, start=start)
+    network = free_orientation(cleaned, model, start=start)
     require_control(cleaned)
     bundle = replace(adjust(network), rejected=rejected)
-    return _two_step("two_step", bundle, free=free, estimated=estimated)
+    return _two_step("two_step", bundle, model)
 
 
 def two_step_gnss(
-    block: Block,
-    *,
-    free: Sequence[str],
-    fix: Sequence[str] = (),
-    refraction: str = "none",
-    after: Mounting | Failed | None = None,
+    block: Block, model: Model, *, after: Mounting | Failed | None = None
 ) -> Mounting:
     """Estimate the boresight from a bundle whose positions GNSS observes, the lever arm held.
 
@@ -307,7 +252,7 @@ def two_step_gnss(
 
     Parameters
     ----------
-    block, free, fix, refraction, after
+    block, model, after
         As in `two_step`.
 
     Raises
@@ -315,7 +260,6 @@ def two_step_gnss(
     AdjustmentError
         Where the bundle does not converge.
     """
-    estimated = tuple(name for name in free_mount(fix) if name not in LEVER_ARM)
     rejected, start = _taken_over(block, after)
     cleaned = without(block, rejected)
     if not np.isfinite(cleaned.trajectory.sigma_position).any():
@@ -329,11 +273,10 @@ def two_step_gnss(
         sigma_attitude=np.full((len(T_m_b), 3), np.inf),
         slow_positions=slow_errors(cleaned.trajectory, "position", exposure),
     )
-    network = free_orientation(
-        cleaned, free=free, positions=positions, refraction=refraction, start=start
-    )
+    network = free_orientation(cleaned, model, positions=positions, start=start)
     bundle = replace(adjust(network), rejected=rejected)
-    mounting = _two_step("two_step_gnss", bundle, free=free, estimated=estimated)
+    lever_held = replace(model, fix=(*model.fix, "lever_arm"))
+    mounting = _two_step("two_step_gnss", bundle, lever_held)
     return replace(mounting, calibration=enlarged(mounting.calibration, bundle))
 
 
@@ -357,11 +300,9 @@ def _taken_over(
     return bundle.rejected, replace(bundle.state, T_m_b=bundle.T_m_c)
 
 
-def _two_step(
-    method: str, bundle: Bundle, *, free: Sequence[str], estimated: Sequence[str]
-) -> Mounting:
+def _two_step(method: str, bundle: Bundle, model: Model) -> Mounting:
     """Return the second step of a method whose bundle is the first."""
-    calibration, per_image, entering, by_bundle = _averaged(bundle, free=free, estimated=estimated)
+    calibration, per_image, entering, by_bundle = _averaged(bundle, model)
     return Mounting(
         method=method,
         calibration=calibration,
@@ -375,9 +316,7 @@ def _two_step(
 # --- The second of two steps: mountings of single images, averaged, eqs (12) and (13)
 
 
-def _averaged(
-    bundle: Bundle, *, free: Sequence[str], estimated: Sequence[str]
-) -> tuple[Calibration, Pose, Mask, Array]:
+def _averaged(bundle: Bundle, model: Model) -> tuple[Calibration, Pose, Mask, Array]:
     """Average the mountings of all images, camera by camera, and propagate their covariance.
 
     Images have the weights that they have by themselves; the covariance of the mean holds for
@@ -402,8 +341,8 @@ def _averaged(
             msg = f"no image of {camera.name} is oriented and has a trajectory row to compare with"
             raise AdjustmentError(msg)
         mean, weights[k][:, idx] = _weighted_mean(T_b_c[idx], per_image[idx])
-        cameras[k] = _with_mounting(bundle.cameras[k], camera, mean, estimated)
-    columns = layout(n_cameras, 0, free=free, free_mount=estimated)
+        cameras[k] = _with_mounting(bundle.cameras[k], camera, mean, model.mount)
+    columns = layout(n_cameras, 0, free=model.free, free_mount=model.mount)
     J = _by_bundle(bundle, weights, by_camera_pose, columns)
     K = _by_exposures(block, weights, by_trajectory, columns)
     cov = bundle.solution.inverse.times(J) @ J.T
@@ -506,24 +445,15 @@ MAX_ITERATIONS = 30
 _LARGEST_STEP = 3.0  # of a factor in one iteration
 
 
-def weighted(
-    block: Block,
-    *,
-    weights: str,
-    free: Sequence[str],
-    fix: Sequence[str] = (),
-    refraction: str = "none",
-    gnss: Sequence[str] = (),
-) -> tuple[Block, dict[str, float]]:
+def weighted(block: Block, model: Model, *, weights: str) -> tuple[Block, dict[str, float]]:
     """Return a block with the standard deviations its flight asks for, and their factors.
 
     Parameters
     ----------
     block : Block
+    model : Model
     weights : str
         ``"given"``, or ``"estimated"`` from the residuals of the single step.
-    free, fix, refraction, gnss
-        As in `single_step`.
 
     Raises
     ------
@@ -535,10 +465,7 @@ def weighted(
     expected.one_of("weights", weights, ("given", "estimated"))
     if weights == "given":
         return block, {}
-    factors = estimated_factors(
-        block,
-        lambda b: single_step(b, free=free, fix=fix, refraction=refraction, gnss=gnss).bundle,
-    )
+    factors = estimated_factors(block, lambda scaled_block: single_step(scaled_block, model).bundle)
     return scaled(block, factors), factors
 
 

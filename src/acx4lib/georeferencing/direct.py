@@ -26,6 +26,7 @@ from acx4lib.geometry.geodesy import MappingFrame
 from acx4lib.geometry.intersection import intersect
 from acx4lib.georeferencing.error_sources import ErrorSources, turned
 from acx4lib.least_squares.covariance import propagate
+from acx4lib.model import Model
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,6 +54,8 @@ class Georeferenced:
         A priori covariance of the calibration.
     shared : SharedErrors, optional
         Covariances between the body poses of exposures.
+    refraction : str
+        How rays run to the cameras, as `Model` has it.
     """
 
     cameras: tuple[Camera, ...]
@@ -63,6 +66,7 @@ class Georeferenced:
     cov_body: Array
     cov_parameters: Array
     shared: SharedErrors | None = None
+    refraction: str = "none"
 
     def __repr__(self) -> str:
         """Describe the cameras and the number of images in one line."""
@@ -77,7 +81,7 @@ class Georeferenced:
         return shown.row_table("image", rows)
 
 
-def georeference(block: Block, calibration: Calibration) -> Georeferenced:
+def georeference(block: Block, calibration: Calibration, model: Model = Model()) -> Georeferenced:
     """Return the camera poses of a block by eq. (14), with their derivatives and covariances.
 
     Parameters
@@ -85,6 +89,8 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
     block : Block
     calibration : Calibration
         Must have every camera of the block.
+    model : Model
+        Of which refraction counts.
 
     Raises
     ------
@@ -121,6 +127,7 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
         cov_body=block.trajectory.cov,
         cov_parameters=calibration.total_cov,
         shared=shared_errors(block.trajectory),
+        refraction=model.refraction,
     )
 
 
@@ -240,7 +247,6 @@ def intersect_rays(
     selected: Rays,
     *,
     weights: Array | None = None,
-    refraction: str = "none",
 ) -> Intersections:
     """Intersect groups of rays: least squares of the image residuals.
 
@@ -251,8 +257,6 @@ def intersect_rays(
     selected : Rays
     weights : ndarray, shape (n, 2, 2), optional
         Weight matrices, px^-2; by default from sigma_px.
-    refraction : str
-        ``"none"`` or ``"standard"``.
 
     Returns
     -------
@@ -271,7 +275,8 @@ def intersect_rays(
     P = weights if weights is not None else np.eye(2) / selected.sigma_px[:, None, None] ** 2
     x_m = intersect(measurement.T_m_c.r, directions(measurement), selected.group, selected.n_groups)
     for _ in range(20):
-        apparent = as_seen(measurement.T_m_c.r, x_m[selected.group], refraction=refraction)
+        x_m_of_rays, refraction = x_m[selected.group], georeferenced.refraction
+        apparent = as_seen(measurement.T_m_c.r, x_m_of_rays, refraction=refraction)
         v, by_interior, by_pose, B = image_derivatives(measurement, apparent)
         normal = _summed(np.swapaxes(B, 1, 2) @ P @ B, selected)
         right = _summed(np.einsum("nji,njk,nk->ni", B, P, v), selected)
@@ -322,9 +327,7 @@ def _by_columns(
     return padded[:, :, :-1]
 
 
-def ray_covariance(
-    block: Block, georeferenced: Georeferenced, selected: Rays, *, refraction: str = "none"
-) -> Array:
+def ray_covariance(block: Block, georeferenced: Georeferenced, selected: Rays) -> Array:
     """Return the joint covariance of measured minus predicted image coordinates.
 
     Parameters
@@ -333,8 +336,6 @@ def ray_covariance(
     georeferenced : Georeferenced
     selected : Rays
         A few; the matrix is dense.
-    refraction : str
-        ``"none"`` or ``"standard"``.
 
     Returns
     -------
@@ -343,7 +344,7 @@ def ray_covariance(
         of the body, which rays of one exposure share, and from the calibration, which all share.
     """
     g = georeferenced
-    intersections = intersect_rays(block, g, selected, refraction=refraction)
+    intersections = intersect_rays(block, g, selected)
     exposure = block.images.exposure_idx[selected.image_idx]
     by_columns = intersections.by_parameters.reshape(2 * len(exposure), -1)
     return (
@@ -462,7 +463,6 @@ def ground_points(
     *,
     height_m: Array,
     sigma_height_m: Array | None = None,
-    refraction: str = "none",
 ) -> GroundPoints:
     """Return the points in which the rays of pixels meet surfaces of constant height.
 
@@ -477,8 +477,6 @@ def ground_points(
         In the flight's height system, m.
     sigma_height_m : ndarray, shape (n,), optional
         Their standard deviations, by default zero; heights of two points err independently.
-    refraction : str
-        ``"none"`` or ``"standard"``.
 
     Returns
     -------
@@ -505,7 +503,7 @@ def ground_points(
     expected.positive("sigma_height_m", sigma_h, zero=True)
     measurement = measured(block, georeferenced, pixels)
     x_m, lifted, met = _on_surface(
-        block.frame, measurement.T_m_c.r, directions(measurement), height, refraction
+        block.frame, measurement.T_m_c.r, directions(measurement), height, georeferenced.refraction
     )
     _, by_interior, by_pose, by_point = image_derivatives(measurement, lifted)
     axes = block.frame.grid_axes(x_m)

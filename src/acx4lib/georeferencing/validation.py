@@ -22,7 +22,7 @@ from acx4lib.calibration.common_errors import by_turns
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.errors import AdjustmentError, unsolvable
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.geometry.collinearity import REFRACTION, Measurement, directions
+from acx4lib.geometry.collinearity import Measurement, directions
 from acx4lib.geometry.frames import transform
 from acx4lib.geometry.intersection import intersect, largest_angles
 from acx4lib.geometry.parameters import AXES, Prior
@@ -32,6 +32,7 @@ from acx4lib.georeferencing.error_sources import ErrorSources, block_matrix, tur
 from acx4lib.least_squares import adjustment, processors
 from acx4lib.least_squares.adjustment import two_sided_p
 from acx4lib.least_squares.covariance import half, propagate, sigmas
+from acx4lib.model import Model
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -142,7 +143,7 @@ class Validation:
 
 
 def validate(
-    block: Block, calibration: Calibration, *, method: str, refraction: str = "none"
+    block: Block, calibration: Calibration, model: Model = Model(), *, method: str
 ) -> Validation:
     """Intersect every check point from pairs of rays and from all rays, and compare.
 
@@ -154,10 +155,10 @@ def validate(
     block : Block
         The block with the check points.
     calibration : Calibration
+    model : Model
+        Of which refraction counts.
     method : str
         Name of the calibration in the results; it has no other effect.
-    refraction : str
-        ``"none"`` or ``"standard"``.
 
     Raises
     ------
@@ -166,26 +167,24 @@ def validate(
     ValueError
         Where the calibration lacks a camera, or the name cannot stand in results.
     """
-    expected.one_of("refraction", refraction, REFRACTION)
     if not method or "/" in method:
         raise ValueError(f"method: expected a name without '/', got {method!r}")
     try:
-        return _validated(block, calibration, method, refraction)
+        return _validated(block, direct.georeference(block, calibration, model), method)
     except np.linalg.LinAlgError as error:
         where = f"the equations of the check points{standing_out(block)}"
         raise unsolvable(str(error), where) from error
 
 
-def _validated(block: Block, calibration: Calibration, method: str, refraction: str) -> Validation:
-    georeferenced = direct.georeference(block, calibration)
-    selected, misfits, stopped = _without_misfits(block, georeferenced, refraction)
-    selected, absurd, nowhere = _without_absurd(block, georeferenced, selected, refraction)
+def _validated(block: Block, georeferenced: Georeferenced, method: str) -> Validation:
+    selected, misfits, stopped = _without_misfits(block, georeferenced)
+    selected, absurd, nowhere = _without_absurd(block, georeferenced, selected)
     (rays, idx), n_failed = _pairs(block, georeferenced, selected)
-    pairs, paired, _ = _compared(block, georeferenced, rays, idx, refraction)
+    pairs, paired, _ = _compared(block, georeferenced, rays, idx)
     met = np.zeros(len(block.check), dtype=bool)
     met[: selected.n_groups] = _meet(direct.measured(block, georeferenced, selected), selected)
     rays, idx = _renumbered(selected, met)
-    at_points, compared, rays = _compared(block, georeferenced, rays, idx, refraction)
+    at_points, compared, rays = _compared(block, georeferenced, rays, idx)
     met[idx[~compared]] = False
     return Validation(
         method=method,
@@ -197,7 +196,7 @@ def _validated(block: Block, calibration: Calibration, method: str, refraction: 
         stopped=stopped,
         n_failed=n_failed + int(np.sum(~paired)),
         n_left_out=int(np.sum(~met & ~absurd)),
-        cost=cost(block, georeferenced, rays, refraction=refraction),
+        cost=cost(block, georeferenced, rays),
         redundancy=rays.colrow.size - 3 * rays.n_groups,
         joint_chi_square=error_sources.chi_square(at_points.sources, at_points.d),
         mean_cov=error_sources.mean_covariance(at_points.sources),
@@ -220,11 +219,11 @@ def _check_measurements(block: Block) -> tuple[Index, Rays]:
 
 
 def _without_misfits(
-    block: Block, georeferenced: Georeferenced, refraction: str
+    block: Block, georeferenced: Georeferenced
 ) -> tuple[Rays, tuple[Rejection, ...], tuple[Stopped, ...]]:
     """Return the measurements that fit their point, the rejections and the stopped groups."""
     rows, selected = _check_measurements(block)
-    kept, statistic = _fitting(block, georeferenced, selected, refraction)
+    kept, statistic = _fitting(block, georeferenced, selected)
     unfit = [
         Rejection(kind="image_point", row=int(row), component=-1, statistic=float(w))
         for row, w in zip(rows[~kept], statistic[~kept], strict=True)
@@ -235,7 +234,7 @@ def _without_misfits(
 
 
 def _without_absurd(
-    block: Block, georeferenced: Georeferenced, selected: Rays, refraction: str
+    block: Block, georeferenced: Georeferenced, selected: Rays
 ) -> tuple[Rays, Mask, tuple[Rejection, ...]]:
     """Return the rays of credible check points, the mask of absurd ones and their rejections."""
     measurement = direct.measured(block, georeferenced, selected)
@@ -244,14 +243,12 @@ def _without_absurd(
     )
     if not absurd.any():
         return selected, absurd, ()
-    rejected = _surveyed_nowhere(block, georeferenced, selected, absurd, refraction)
+    rejected = _surveyed_nowhere(block, georeferenced, selected, absurd)
     kept = ~absurd[selected.group]
     return selected.select(np.flatnonzero(kept), selected.group[kept]), absurd, rejected
 
 
-def _fitting(
-    block: Block, georeferenced: Georeferenced, selected: Rays, refraction: str
-) -> tuple[Mask, Array]:
+def _fitting(block: Block, georeferenced: Georeferenced, selected: Rays) -> tuple[Mask, Array]:
     """Return the mask of rays that fit the others of their point, and w of the rejected rays."""
     kept = np.ones(len(selected.group), dtype=bool)
     statistic = np.zeros(len(selected.group))
@@ -262,7 +259,7 @@ def _fitting(
             return kept, statistic
         _, group = np.unique(selected.group[testable], return_inverse=True)
         tested = selected.select(testable, group)
-        w = of(block, georeferenced, tested, refraction=refraction)
+        w = of(block, georeferenced, tested)
         worst = np.zeros(group.max() + 1)
         np.maximum.at(worst, group, w)
         out = (w == worst[group]) & (w > CRITICAL)
@@ -277,11 +274,10 @@ def _surveyed_nowhere(
     georeferenced: Georeferenced,
     selected: Rays,
     absurd: Mask,
-    refraction: str,
 ) -> tuple[Rejection, ...]:
     """Return the rejections of check points, each with the largest of its three w."""
     rays, idx = _renumbered(selected, absurd)
-    differences = differences_at(block, georeferenced, rays, idx, refraction)
+    differences = differences_at(block, georeferenced, rays, idx)
     w = np.max(np.abs(differences.d) / differences.sigma, axis=1)
     return tuple(
         Rejection(kind="control_point", row=int(i), component=-1, statistic=float(statistic))
@@ -309,19 +305,18 @@ def _compared(
     georeferenced: Georeferenced,
     rays: Rays,
     idx: Index,
-    refraction: str,
 ) -> tuple[Differences, Mask, Rays]:
     """Return finite differences of groups of rays, the mask of these groups, and their rays.
 
     Rays that are almost parallel may meet where the map ends, or nowhere in numbers.
     """
-    differences = differences_at(block, georeferenced, rays, idx, refraction)
+    differences = differences_at(block, georeferenced, rays, idx)
     known: Mask = np.isfinite(np.hstack([differences.d, differences.sigma])).all(axis=1)
     if known.all():
         return differences, known, rays
     rows = np.flatnonzero(known[rays.group])
     rays = rays.select(rows, (np.cumsum(known) - 1)[rays.group[rows]])
-    return differences_at(block, georeferenced, rays, idx[known], refraction), known, rays
+    return differences_at(block, georeferenced, rays, idx[known]), known, rays
 
 
 def _meet(measurement: Measurement, selected: Rays) -> Mask:
@@ -379,7 +374,6 @@ def differences_at(
     georeferenced: Georeferenced,
     selected: Rays,
     check_idx: Index,
-    refraction: str,
 ) -> Differences:
     """Intersect groups of rays, and compare every intersection with its check point.
 
@@ -391,10 +385,8 @@ def differences_at(
         At least one ray in every group.
     check_idx : ndarray, shape (n_groups,)
         Indices into `block.check`.
-    refraction : str
-        ``"none"`` or ``"standard"``.
     """
-    intersections = direct.intersect_rays(block, georeferenced, selected, refraction=refraction)
+    intersections = direct.intersect_rays(block, georeferenced, selected)
     d, sigma = compare(block, intersections.x_m, intersections.cov, check_idx)
     groups = np.arange(len(check_idx))
     starts = np.searchsorted(selected.group, groups)
@@ -475,9 +467,7 @@ CONTROLLED = 1e-6
 """A residual with a smaller share of its variance is not tested: no other observation checks it."""
 
 
-def of(
-    block: Block, georeferenced: Georeferenced, selected: Rays, *, refraction: str = "none"
-) -> Array:
+def of(block: Block, georeferenced: Georeferenced, selected: Rays) -> Array:
     """Test rays against the others of their group, with weights that include the trajectory's.
 
     Exposures are independent, unless the trajectory's errors change slowly: then all rays of a
@@ -488,8 +478,6 @@ def of(
     block : Block
     georeferenced : Georeferenced
     selected : Rays
-    refraction : str
-        ``"none"`` or ``"standard"``.
 
     Returns
     -------
@@ -500,12 +488,12 @@ def of(
     -----
     Baarda's test for correlated observations: w = (P v)_i / sqrt((P Q_vv P)_ii).
     """
-    first = direct.intersect_rays(block, georeferenced, selected, refraction=refraction)
+    first = direct.intersect_rays(block, georeferenced, selected)
     if georeferenced.shared is not None:
         exposure = block.images.exposure_idx[selected.image_idx]
         return _together(first, selected, exposure, georeferenced.cov_body, georeferenced.shared)
     P = np.linalg.inv(first.cov_v)
-    fit = direct.intersect_rays(block, georeferenced, selected, weights=P, refraction=refraction)
+    fit = direct.intersect_rays(block, georeferenced, selected, weights=P)
     return _one_by_one(P, fit, selected)
 
 
@@ -549,14 +537,12 @@ def _diagonal(P: Array) -> Array:
     return np.diagonal(P, axis1=1, axis2=2)
 
 
-def cost(
-    block: Block, georeferenced: Georeferenced, selected: Rays, *, refraction: str = "none"
-) -> float:
+def cost(block: Block, georeferenced: Georeferenced, selected: Rays) -> float:
     """Return the weighted sum of squares of all residuals, with the common errors of rays.
 
     Parameters
     ----------
-    block, georeferenced, selected, refraction
+    block, georeferenced, selected
         As `of` takes them.
 
     Returns
@@ -572,7 +558,7 @@ def cost(
     derivatives by these errors, and N = A^T P Q_vv P A the normal matrix reduced by the points. The
     least sum is v^T P v - b^T S (I + N S)^-1 b, with b = A^T P v.
     """
-    fit = direct.intersect_rays(block, georeferenced, selected, refraction=refraction)
+    fit = direct.intersect_rays(block, georeferenced, selected)
     n, sigma = len(selected.group), selected.sigma_px[:, None]
     if n == 0:
         return 0.0
@@ -694,26 +680,17 @@ class Prediction:
         return two_sided_p(self.effective * self.sigma0_sq, self.effective)
 
     @property
-    def sentence(self) -> str:
-        """A sentence on the fit of the exposures."""
-        exposures = self.bundle.network.exposure_idx[self._seen]
-        n, east_north_height = len(np.unique(exposures)), self.position_rms_m
-        rms = ", ".join(f"{value:.2f}" for value in east_north_height)
-        return (
-            f"there are no check points; {shown.count(n, 'exposure')} that took no part in the "
-            f"calibration: rays meet within {self.rays_rms_px:.2f} px, positions are off by {rms} "
-            f"m (east, north, height; RMS), variance of unit weight "
-            f"{self.sigma0_sq:.3f} (p of chi-square {self.chi_square_p:.3f})"
-        )
+    def n_exposures(self) -> int:
+        """Number of exposures with measurements."""
+        return len(np.unique(self.bundle.network.exposure_idx[self._seen]))
 
 
 def predict(
     block: Block,
     calibration: Calibration,
+    model: Model = Model(),
     *,
     method: str,
-    refraction: str = "none",
-    gnss: Sequence[str] = (),
 ) -> Prediction:
     """Adjust a block with its cameras held at a calibration, to test the calibration.
 
@@ -726,12 +703,10 @@ def predict(
         A block with tie points that took no part in the calibration.
     calibration : Calibration
         Its cameras in the order of the block's.
+    model : Model
+        Refraction, and the errors of this block's own trajectory to estimate.
     method : str
         Name of the calibration in the results; it has no other effect.
-    refraction : str
-        ``"none"`` or ``"standard"``.
-    gnss : sequence of str
-        Errors of this block's own trajectory to estimate, as in `adjust.mounted_orientation`.
 
     Raises
     ------
@@ -748,7 +723,8 @@ def predict(
     parameter is then an unknown and an observation: the redundancy is the same.
     """
     held = tuple(replace(camera, prior=Prior()) for camera in calibration.cameras)
-    network = partial(mounted_orientation, free=(), free_mount=(), refraction=refraction, gnss=gnss)
+    cameras_held = replace(model, free=(), fix=("lever_arm", "boresight"))
+    network = partial(mounted_orientation, model=cameras_held)
     block = replace(block, cameras=held)
     bundle = adjust_rejecting(block, network)
     if calibration.turns is not None:

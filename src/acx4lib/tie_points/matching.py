@@ -20,7 +20,7 @@ from acx4lib.synthetic_image.frame import (
     reduced_camera,
     reduced_heads,
 )
-from acx4lib.synthetic_image.head_map import HeadMap, forget, window_map
+from acx4lib.synthetic_image.head_map import HeadMap, window_map
 from acx4lib.tie_points.compiled import mean_of_bands, sample_between_nodes, weakest_gradients
 from acx4lib.tie_points.least_squares_matching import REACH, correlate, match, spline_coefficients
 
@@ -160,11 +160,7 @@ def match_overlap(task: OverlapTask) -> OverlapMatches:
 
 
 def _match_part(task: OverlapTask, part: SyntheticWindow) -> OverlapMatches:
-    matches = _match_corners(task, _tile(task, part))
-    if part[3] >= task.shared.window[3]:  # the next part lies below, in other rows of pixels
-        for k in (task.shared.head_a, task.shared.head_b):
-            forget(task.images[k])
-    return matches
+    return _match_corners(task, _tile(task, part))
 
 
 def _joined(task: OverlapTask, parts: Sequence[OverlapMatches]) -> OverlapMatches:
@@ -637,5 +633,4 @@ def _reduced_grey(image: np.ndarray, camera: Camera, factor: int) -> Array:
         part = image[row + factor * start : row + factor * stop, col : col + size[1]]
         small = cv2.resize(part, (out.shape[1], stop - start), interpolation=cv2.INTER_AREA)
         out[start:stop] = grey(small.reshape(*small.shape[:2], -1))
-    forget(image)
     return out

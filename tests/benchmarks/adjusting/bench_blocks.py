@@ -28,6 +28,7 @@ from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose, exp, rotation_from_opk, transform
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame
 from acx4lib.geometry.parameters import MOUNT
+from acx4lib.model import Model
 
 FREE = INTERIOR[:8]
 """All interior parameters of the paper: f, xp, yp, k1, k2, k3, p1, p2; those without a lens."""
@@ -190,7 +191,7 @@ def fly(
 
 def network(made: Made) -> Network:
     """Return the single step of a block, with start values that lie off the truth."""
-    ready = adjust.mounted_orientation(made.block, free=FREE)
+    ready = adjust.mounted_orientation(made.block, Model(free=FREE))
     rng = np.random.default_rng(2)
     x_m = made.x_m + rng.uniform(-START_TIES_M, START_TIES_M, made.x_m.shape)
     x_m[made.block.control.point_idx] = made.block.control.x_m

@@ -28,6 +28,7 @@ from acx4files.stages.mounting import calibrate
 from acx4lib.calibration.mounting import single_step
 from acx4lib.errors import FlightError
 from acx4lib.georeferencing.validation import validate
+from acx4lib.model import Model
 from acx4sim.plan import Options
 from support.helpers import ROOT
 
@@ -341,7 +342,7 @@ def test_a_student_who_plans_flies_and_adjusts_has_all_points(key, tmp_path, sol
     seed = int(given.partition("--seed ")[2].split("`")[0])
     flown = simulate(found, seed=seed, options=Options())
     case = flights.case_of(flown)
-    estimates = single_step(case.block, free=case.flight.estimate_mounting).calibration
+    estimates = single_step(case.block, Model(free=case.flight.estimate_mounting)).calibration
     _, right = solved("lab-9", "Ada")
     value = estimates.cameras[0].interior.f
     assert right["f_mm"].value == pytest.approx(value, abs=1e-9)

@@ -70,21 +70,12 @@ def test_two_pictures_of_one_head_at_one_exposure_are_refused(tmp_path):
         read_folder(tmp_path)
 
 
-def test_a_jpeg_that_is_cut_in_half_is_refused(tmp_path):
-    path = tmp_path / "DJI_0001.JPG"
-    noise = np.random.default_rng(1).integers(0, 255, tagged.SIZE[::-1]).astype(np.uint8)
-    tagged.write(path, {"drone-dji:CalibratedFocalLength": 300}, pixels=noise)
+@pytest.mark.parametrize("name", ["DJI_0001.JPG", "IMG_0001_1.tif"])
+def test_a_picture_that_is_cut_off_is_refused(tmp_path, name):
+    path = tagged.write(tmp_path / name, tagged.micasense(0))
     assert read_folder(tmp_path).found
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    path.write_bytes(path.read_bytes()[:-100])
     with pytest.raises(FlightError, match="is cut off: its pixels have no end"):
-        read_folder(tmp_path)
-
-
-def test_a_tiff_that_is_cut_in_half_is_refused(tmp_path):
-    path = tagged.write(tmp_path / "IMG_0001_1.tif", tagged.micasense(0))
-    assert read_folder(tmp_path).found
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    with pytest.raises(FlightError, match=r"file: is cut off: it has \d+ bytes of at least \d+"):
         read_folder(tmp_path)
 
 
@@ -184,7 +175,7 @@ def test_a_camera_looks_down_with_the_top_of_its_image_ahead():
 def test_the_polynomial_begins_with_the_radius(tmp_path):
     said = {metadata.VIGNETTING_CENTRE: [100, 50], metadata.VIGNETTING_POLYNOMIAL: [1e-3, -2e-5]}
     tags = read(tagged.write(tmp_path / "a.tif", said))
-    found = metadata.vignetting(tags).at(np.array([[100, 50], [103, 54]]))
+    found = metadata.vignetting(tags, np.array([[100, 50], [103, 54]]))
     assert found == pytest.approx([1.0, 1 + 5e-3 - 25 * 2e-5])
     assert "1 head," in metadata.sentences([tags])[-1]
 

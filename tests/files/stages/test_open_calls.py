@@ -15,6 +15,7 @@ from acx4lib.calibration.mounting import (
 )
 from acx4lib.calibration.rig import calibrate as calibrate_rig
 from acx4lib.georeferencing.validation import validate
+from acx4lib.model import Model
 from acx4lib.synthetic_image.transferred_points import transfer
 from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.ties import refine_by_mean_differences, shared_points
@@ -48,7 +49,7 @@ def run(flight, results):
 
 
 def heads_by_hand(flight, results):
-    fits = calibrate_heads(flight.heads, flight.head_names, free=flight.estimate_heads)
+    fits = calibrate_heads(flight.heads, flight.head_names, Model(free=flight.estimate_heads))
     heads.write(flight, results, fits, attempt(relative_orientation, fits, flight.synthetic_camera))
 
 
@@ -70,10 +71,10 @@ def synthetic_by_hand(flight, results):
 def mounting_by_hand(flight, results):
     free, fix, gnss = flight.estimate_mounting, flight.fix, flight.gnss
     block = mounting.measured(flight, results)
-    block, factors = weighted(block, weights=flight.weights, free=free, fix=fix, gnss=gnss)
-    single = attempt(single_step, block, free=free, fix=fix, gnss=gnss)
-    two = attempt(two_step, block, free=free, fix=fix, after=single)
-    with_gnss = attempt(two_step_gnss, block, free=free, fix=fix, after=single)
+    block, factors = weighted(block, Model(free=free, fix=fix, gnss=gnss), weights=flight.weights)
+    single = attempt(single_step, block, Model(free=free, fix=fix, gnss=gnss))
+    two = attempt(two_step, block, Model(free=free, fix=fix), after=single)
+    with_gnss = attempt(two_step_gnss, block, Model(free=free, fix=fix), after=single)
     found = [mounting.with_heads(flight, results, one) for one in (single, two, with_gnss)]
     methods = together(found)
     mounting.write(flight, results, methods, factors)
@@ -83,7 +84,7 @@ def rigs_by_hand(flight, results):
     stages = []
     for method in ("rig", "rig_calibration"):
         block = rig.measured(flight, method)
-        found = attempt(calibrate_rig, block, free=flight.estimate_heads)
+        found = attempt(calibrate_rig, block, Model(free=flight.estimate_heads))
         stages.append(rig.gathered(block, found, method))
     rig.write(flight, results, stages)
 

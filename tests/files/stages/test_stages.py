@@ -282,14 +282,18 @@ def test_tie_points_are_where_both_heads_see_one_place(scene_ties, scene_orienta
     assert set(scene_ties.ties.exposure_idx) == {0, 1}
 
 
-def test_a_picture_turned_by_180_degrees_is_an_error_of_its_exposure(
+def test_a_picture_turned_by_180_degrees_ties_nothing_which_is_said(
     scene_path, scene_orientation, tmp_path
 ):
     spoilt = shutil.copytree(scene_path, tmp_path / "flight")
     file = pictured.head_path(spoilt, "E1", "RIGHT")
     tifffile.imwrite(file, tifffile.imread(file)[::-1, ::-1], photometric="rgb")
-    with pytest.raises(FlightError, match=r"^exposure E1: .*turned by 180 degrees"):
-        taken.read_pictures(flights.read(spoilt), scene_orientation)
+    pictures = taken.read_pictures(flights.read(spoilt), scene_orientation)
+    found = taken.find(pictures, scene_orientation)
+    assert set(found.ties.exposure_idx) == {0}
+    (warning,) = found.warnings
+    assert warning.startswith("E1, LEFT and RIGHT: ")
+    assert "exchanged, of different exposures or turned by 180 degrees" in warning
 
 
 def test_grey_values_of_heads_agree_once_their_response_is_found(scene_pictures, scene_orientation):

@@ -21,6 +21,7 @@ from acx4lib.geometry.camera import mountings
 from acx4lib.geometry.frames import Pose, exp, transform
 from acx4lib.geometry.parameters import Prior
 from acx4lib.least_squares.covariance import GaussMarkov
+from acx4lib.model import Model
 from support import blocks
 from support.helpers import numeric_jacobian
 
@@ -34,7 +35,7 @@ def block():
 
 
 def test_positions_are_off_by_the_shift_and_what_the_drift_has_added_up():
-    net = adjust.mounted_orientation(blocks.standard(), free=())
+    net = adjust.mounted_orientation(blocks.standard(), Model())
     strips = Strips(names=("A", "B"), idx=np.array([0, 1, -1]), elapsed=np.array([2.0, -3.0, 0.0]))
     drift = np.array([[0.1, 0.0, 0.0], [0.0, 0.2, 0.01]])
     found = position_errors(
@@ -46,11 +47,11 @@ def test_positions_are_off_by_the_shift_and_what_the_drift_has_added_up():
 
 def test_observed_positions_are_the_true_ones_and_their_errors(block):
     """At the truth, positions shifted and drifting along the grid's axes leave no residual."""
-    net = adjust.mounted_orientation(block, free=(), gnss=("shift", "drift"))
+    net = adjust.mounted_orientation(block, Model(gnss=("shift", "drift")))
     shift, drift = np.array([0.3, -0.2, 0.1]), 0.01 * np.arange(9).reshape(3, 3)
     by = position_errors(net.observed, replace(net.start, shift=shift, drift=drift))
     off = adjust.mounted_orientation(
-        blocks.changed(block, "gnss", by), free=(), gnss=("shift", "drift")
+        blocks.changed(block, "gnss", by), Model(gnss=("shift", "drift"))
     )
     truth = replace(off.start, T_m_b=net.start.T_m_b, shift=shift, drift=drift)
     v, _ = off.residuals(truth)[2]
@@ -71,7 +72,7 @@ def straight():
 
 def test_what_is_recorded_late_is_the_position_of_a_later_time(straight):
     """At the truth, positions of 20 ms later leave no residual."""
-    net = adjust.mounted_orientation(straight, free=(), gnss=("delay",))
+    net = adjust.mounted_orientation(straight, Model(gnss=("delay",)))
     T, R_m_g = net.start.T_m_b, np.swapaxes(straight.trajectory.R_g_m, -1, -2)
     late = Pose(R=T.R, r=T.r + transform(R_m_g, 0.02 * net.observed.velocity))
     truth = replace(net.start, delay=np.array([0.02]))
@@ -84,7 +85,7 @@ def test_what_is_recorded_late_is_the_position_of_a_later_time(straight):
 def test_derivatives_by_errors_of_the_trajectory_and_poses_agree_with_differences(
     straight, rng, errors
 ):
-    net = adjust.mounted_orientation(straight, free=(), free_mount=(), gnss=errors)
+    net = adjust.mounted_orientation(straight, Model(fix=("lever_arm", "boresight"), gnss=errors))
     turned = exp(rng.normal(0, 0.02, (12, 3)))
     T = Pose(R=net.start.T_m_b.R @ turned, r=net.start.T_m_b.r + rng.normal(0, 1, (12, 3)))
     state = replace(net.start, T_m_b=T, delay=np.array([0.3]))
@@ -129,7 +130,7 @@ def test_what_takes_no_part_is_linked_to_nothing(block):
     sigma = trajectory.sigma_position.copy()
     sigma[5] = np.inf
     trajectory = replace(trajectory, sigma_position=sigma)
-    net = adjust.mounted_orientation(replace(block, trajectory=trajectory), free=())
+    net = adjust.mounted_orientation(replace(block, trajectory=trajectory), Model())
     linked = net.observed.linked
     assert linked[linked[:, 0] == 5].tolist() == [[5, 5]]
     assert [4, 6] in linked.tolist()
@@ -179,7 +180,7 @@ def test_an_exposure_alone_or_in_no_strip_does_not_drift(strips_block):
 
 def test_a_block_without_strips_cannot_drift():
     with pytest.raises(AdjustmentError, match=r"images\.csv needs its column strip"):
-        adjust.mounted_orientation(blocks.standard(), free=(), gnss=("drift",))
+        adjust.mounted_orientation(blocks.standard(), Model(gnss=("drift",)))
 
 
 # --- motion ----------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose
 from acx4lib.least_squares.adjustment import solve
 from acx4lib.least_squares.covariance import GaussMarkov
+from acx4lib.model import Model
 from acx4sim.plan import SlowErrors
 from support import blocks
 from support.flights import simulated as flown
@@ -35,7 +36,7 @@ def component(found, group):
 
 
 def bundle_of(block):
-    return adjust(mounted_orientation(block, free=FREE))
+    return adjust(mounted_orientation(block, Model(free=FREE)))
 
 
 def of_block(block, **options):
@@ -84,7 +85,7 @@ def test_of_weighted_means_it_is_the_analysis_of_variance(wrong):
     block, survey, images = means()
     block = mounting.scaled(block, {"control plan": wrong})
     found = variance_components.components(
-        adjust(mounted_orientation(block, free=(), free_mount=()))
+        adjust(mounted_orientation(block, Model(fix=("lever_arm", "boresight"))))
     )
     n_points, n_images, _ = images.shape
     mean = images.mean(axis=1, keepdims=True)
@@ -104,7 +105,7 @@ def test_of_weighted_means_the_effective_redundancy_is_that_of_the_spread_within
     # a survey ten times worse than the images' mean says nothing of them
     block = mounting.scaled(block, {"control plan": 60.0})
     found = variance_components.components(
-        adjust(mounted_orientation(block, free=(), free_mount=()))
+        adjust(mounted_orientation(block, Model(fix=("lever_arm", "boresight"))))
     )
     n_points, n_images, _ = images.shape
     within = 2 * n_points * (n_images - 1)
@@ -121,7 +122,7 @@ def test_of_weighted_means_the_test_of_sigma_is_chi_square_of_the_distance_to_th
     test = next(
         t
         for t in variance_components.sigma_tests(
-            adjust(mounted_orientation(block, free=(), free_mount=()))
+            adjust(mounted_orientation(block, Model(fix=("lever_arm", "boresight"))))
         )
         if t.group == "control, plan"
     )
@@ -138,7 +139,7 @@ def test_of_weighted_means_the_test_of_sigma_is_chi_square_of_the_distance_to_th
 
 def dense(block):
     """Return residuals over sigma, the projector on them, and the kind and component of each."""
-    network = mounted_orientation(block, free=FREE)
+    network = mounted_orientation(block, Model(free=FREE))
     state, _ = solve(network, network.start)
     n, n_points = network.n_columns, network.n_points
     rows, v, owner = [], [], []
@@ -202,7 +203,7 @@ def _group_of(kind, d):
 
 
 def test_redundancies_sum_to_that_of_the_adjustment(block):
-    bundle = adjust(mounted_orientation(block, free=FREE))
+    bundle = adjust(mounted_orientation(block, Model(free=FREE)))
     found = variance_components.components(bundle)
     assert sum(c.redundancy for c in found) == pytest.approx(bundle.solution.redundancy, rel=1e-9)
     assert sum(c.n for c in found) == bundle.solution.n_observations
@@ -230,7 +231,7 @@ def test_every_camera_is_a_group_of_its_own(block):
     spoilt = blocks.changed(two, "image_point", noise)
     assert component(of_block(spoilt), "image points CAM2").is_significant
     factors = mounting.estimated_factors(
-        spoilt, lambda b: adjust(mounted_orientation(b, free=FREE))
+        spoilt, lambda b: adjust(mounted_orientation(b, Model(free=FREE)))
     )
     found = of_block(mounting.scaled(spoilt, factors), applied=factors)
     for name, true in (("CAM", 1.0), ("CAM2", 3.0)):
@@ -240,7 +241,7 @@ def test_every_camera_is_a_group_of_its_own(block):
 
 
 def test_what_is_no_observation_is_no_group(block):
-    bundle = adjust(free_orientation(block, free=("xp",)))
+    bundle = adjust(free_orientation(block, Model(free=("xp",))))
     groups = [c.group for c in variance_components.components(bundle)]
     assert groups == ["image points", "control plan", "control height"]
 
@@ -311,7 +312,7 @@ def test_components_are_free_of_bias_and_scatter_as_they_say():
     n, ratios, scatter = 25, {}, {}
     for seed in range(1, n + 1):
         flight = fly(seed, gnss_noise=2.5)
-        network = mounted_orientation(flight.calibration, free=flight.estimate_mounting)
+        network = mounted_orientation(flight.calibration, Model(free=flight.estimate_mounting))
         for c in variance_components.components(adjust(network)):
             true = 2.5 if c.group == "GNSS" else 1.0
             ratios.setdefault(c.group, []).append((c.factor / true) ** 2)
@@ -345,7 +346,7 @@ def test_a_correlated_group_is_judged_by_all_its_weights():
             sigma_attitude=trajectory.sigma_attitude / factor,
         )
         block = replace(flight.calibration, trajectory=given)
-        bundle = adjust(mounted_orientation(block, free=flight.estimate_mounting))
+        bundle = adjust(mounted_orientation(block, Model(free=flight.estimate_mounting)))
         found = {c.group: c for c in variance_components.components(bundle)}
         for name in ("roll, pitch", "heading"):
             one = found[name]

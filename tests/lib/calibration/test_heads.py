@@ -12,6 +12,7 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.geometry import frames
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk
+from acx4lib.model import Model
 from support import blocks
 from support.helpers import numeric_jacobian, rotation_angle
 
@@ -52,7 +53,9 @@ def block():
 def adjusted(block, free=("xp", "yp")):
     """Self-calibrate every head, without looking for gross errors."""
     return {
-        camera.name: adjust(free_orientation(heads.select_cameras(block, [camera.name]), free=free))
+        camera.name: adjust(
+            free_orientation(heads.select_cameras(block, [camera.name]), Model(free=free))
+        )
         for camera in block.cameras
     }
 
@@ -113,7 +116,7 @@ def test_a_wrong_focal_length_goes_into_zc(block):
 
 
 def test_heads_are_calibrated_one_by_one(block):
-    found = heads.calibrate_heads(block, ["CAM2", "CAM1"], free=("xp", "yp"))
+    found = heads.calibrate_heads(block, ["CAM2", "CAM1"], Model(free=("xp", "yp")))
     assert list(found.bundles) == ["CAM2", "CAM1"]
     assert found.failures == {}
     for name, fit in found.bundles.items():
@@ -125,7 +128,7 @@ def test_a_head_that_cannot_be_adjusted_is_named(block):
     points = block.image_points
     camera = block.images.camera_idx[points.image_idx]
     blind = replace(block, image_points=points[camera == 0])
-    found = heads.calibrate_heads(blind, ["CAM1", "CAM2"], free=("xp", "yp"))
+    found = heads.calibrate_heads(blind, ["CAM1", "CAM2"], Model(free=("xp", "yp")))
     assert list(found.bundles) == ["CAM1"]
     assert "0 control points in images do not orient" in found.failures["CAM2"]
 
@@ -333,7 +336,7 @@ def test_common_exposures_have_the_poses_of_which_the_orientation_is_the_mean(bl
 
 
 def test_what_is_held_is_shown_without_the_mounting_that_no_head_has(block):
-    none = heads.calibrate_heads(block, ["CAM1"], free=())
+    none = heads.calibrate_heads(block, ["CAM1"], Model())
     assert list(none.table().index) == [("f", "mm"), ("yp", "mm")]  # held, and not zero
 
 

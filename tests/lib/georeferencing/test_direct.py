@@ -16,6 +16,7 @@ from acx4lib.georeferencing.direct import Rays, georeference, ground_points, int
 from acx4lib.georeferencing.error_sources import ErrorSources
 from acx4lib.georeferencing.validation import validate
 from acx4lib.least_squares.covariance import GaussMarkov
+from acx4lib.model import Model
 from support import blocks
 from support.blocks import COLUMN_STEPS, SECOND, moved_calibration, moved_trajectory
 from support.blocks import SEEN as POINTS
@@ -120,10 +121,10 @@ def test_refracted_rays_meet_where_refraction_is_allowed_for(calibration):
         colrow=points.colrow[order],
         sigma_px=np.ones(len(order)),
     )
-    g = georeference(block, calibration)
-    found = intersect_rays(block, g, rays, refraction="standard")
+    in_air = georeference(block, calibration, Model(refraction="standard"))
+    found = intersect_rays(block, in_air, rays)
     assert_allclose(found.x_m, POINTS, atol=1e-8)
-    raised = intersect_rays(block, g, rays).x_m - POINTS
+    raised = intersect_rays(block, georeference(block, calibration), rays).x_m - POINTS
     assert np.all((raised[:, 2] > 0.01) & (raised[:, 2] < 0.1))  # centimetres, upwards
 
 
@@ -388,14 +389,13 @@ def heights(block, x_m):
     return block.frame.to_grid(x_m)[:, 2]
 
 
-def located(block, calibration, rays, height, **options):
+def located(block, calibration, rays, height, model=Model()):
     return ground_points(
         block,
-        georeference(block, calibration),
+        georeference(block, calibration, model),
         rays,
         height_m=height,
         sigma_height_m=np.full(len(height), SIGMA_HEIGHT),
-        **options,
     )
 
 
@@ -428,7 +428,8 @@ def test_refraction_lowers_the_ray_as_the_atmosphere_does(calibration):
     cameras = (blocks.CAMERA, blocks.SECOND)
     block = blocks.simulate(blocks.fly(), cameras=cameras, ties=blocks.SEEN, refraction="standard")
     rays, x_m = each_alone(block)
-    found = located(block, calibration, rays, heights(block, x_m), refraction="standard")
+    in_air = Model(refraction="standard")
+    found = located(block, calibration, rays, heights(block, x_m), in_air)
     assert_allclose(found.x_m, x_m, atol=1e-6)
     straight = located(block, calibration, rays, heights(block, x_m))
     r = georeference(block, calibration).T_m_c.r[rays.image_idx]

@@ -12,6 +12,7 @@ from scipy import stats
 
 import acx4sim
 from acx4files.flight import reader
+from acx4files.results import sentences
 from acx4files.stages import mounting
 from acx4files.stages import validation as stages_validation
 from acx4lib.block import select_images
@@ -23,6 +24,7 @@ from acx4lib.geometry.frames import Pose
 from acx4lib.georeferencing import direct, error_sources, validation
 from acx4lib.georeferencing.validation import compare, predict, rays_of_pairs, validate
 from acx4lib.least_squares.covariance import WHITE, GaussMarkov
+from acx4lib.model import Model
 from support import blocks
 
 # --- pairs -----------------------------------------------------------------------------------
@@ -156,7 +158,7 @@ def calibrated_and_checked(seed):
     """Calibrate on one noisy flight, validate it on another with twelve check points."""
     rng = np.random.default_rng(seed)
     flown = blocks.noisy(blocks.standard(), rng)
-    calibration = single_step(flown, free=("f", "xp", "yp", "k1", "p1", "p2")).calibration
+    calibration = single_step(flown, Model(free=("f", "xp", "yp", "k1", "p1", "p2"))).calibration
     points = blocks.terrain(12, half_m=300.0, seed=8)
     other = blocks.noisy(blocks.simulate(blocks.fly(seed=9), check=points), rng)
     survey = rng.normal(size=(12, 3)) * other.check.sigma_m
@@ -487,7 +489,9 @@ def flight(folder):
 
 @pytest.fixture(scope="module")
 def calibrated(flight):
-    return single_step(flight.block("calibration"), free=flight.estimate_mounting).calibration
+    return single_step(
+        flight.block("calibration"), Model(free=flight.estimate_mounting)
+    ).calibration
 
 
 def test_a_right_calibration_predicts_the_other_exposures(flight, calibrated):
@@ -527,7 +531,7 @@ def test_exposures_of_which_nothing_is_measured_do_not_make_the_others_better(fl
     part = select_images(block, keep)
     found = predict(part, calibrated, method="single_step")
     n = len(np.unique(part.images.exposure_idx))
-    assert f"{n} exposures that took no part" in found.sentence
+    assert f"{n} exposures that took no part" in sentences.prediction(found)
     observed, r = found.bundle.network.observed, found.bundle.state.T_m_b.r
     off = (r - observed.T_m_b.r)[np.unique(part.images.exposure_idx)]
     total = np.sqrt(np.mean(np.sum(off**2, axis=1)))

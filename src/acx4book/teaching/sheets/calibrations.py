@@ -40,6 +40,7 @@ from acx4lib.expected import Array
 from acx4lib.geometry.camera import Interior, distortion
 from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_opk, turn
 from acx4lib.georeferencing.validation import Validation, validate
+from acx4lib.model import Model
 from acx4sim.files import SimulatedFlight
 from acx4sim.plan import GrossErrors, Options
 
@@ -423,7 +424,7 @@ def _mistakes_gross_errors(case: Case, right: Rights) -> Iterator[Mistake]:
     yield wrong_sign(right, [ERROR], "the sign is wrong: surveyed less true")
     yield scaled(right, [ERROR], 100.0, "given in cm; asked for in m")
     yield swapped(right, GNSS, ATTITUDE, "the exposures are swapped: position and attitude")
-    spoiled = adjust(mounted_orientation(case.block, free=case.flight.estimate_mounting))
+    spoiled = adjust(mounted_orientation(case.block, Model(free=case.flight.estimate_mounting)))
     yield Mistake(
         says="the gross errors are still among the observations",
         gives={"sigma0_squared": spoiled.solution.sigma0_sq},

@@ -14,7 +14,7 @@ from acx4files.exchange.lens import Left, above
 from acx4files.flight.block_from_tables import BLOCKS, read_block, without_points
 from acx4files.flight.reader import Flight, checked
 from acx4files.flight.toml_file import read_toml
-from acx4files.results import folder, own_folder
+from acx4files.results import folder, whole_files
 from acx4files.results.provenance import check_kept, read_run
 from acx4files.results.read_back import read_calibration
 from acx4files.results.rows import exterior_table
@@ -455,7 +455,7 @@ def write(taken: Taken, folder: Path, *, title: str, origin: str) -> None:
         if remarks:
             said += [f"## {name}", "", *(f"- {remark}" for remark in remarks), ""]
     texts = {**taken.files, STATEMENT: "\n".join(said)}
-    with own_folder.claim(folder, signs=[STATEMENT]):
+    with whole_files.claim(folder, signs=[STATEMENT]):
         for name in texts:
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
         write_all({folder / name: text for name, text in texts.items()})

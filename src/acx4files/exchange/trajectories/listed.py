@@ -1,29 +1,34 @@
-"""Words for the columns of a list of orientations, events or points, and their units."""
+"""The one reader of lists: texts with a row for each image, event or point, in declared columns.
+
+Words for columns, their units and their ranges are declared here once. The delimiter and the
+decimal sign are the text's own; what is taken for granted of a text is said.
+"""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
 
 from acx4files.exchange.safe import Line, Opened, lines
-from acx4files.flight.problems import Problem, Range, lines_of, quoted
-from acx4files.flight.tables import NUMBER, name_fault
+from acx4files.flight.problems import Range, lines_of, quoted
+from acx4files.flight.table_files import checked
+from acx4files.flight.tables import NUMBER, Schema, Table
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Mask
 
 UNITS = {"deg": 1.0, "gon": 0.9, "grad": 0.9, "rad": float(np.degrees(1.0)), "arcmin": 1 / 60}
 """Of angles, in degrees."""
 
-ANGLES = ("omega", "phi", "kappa", "roll", "pitch", "heading", "lat", "lon")
-SIGMA_M = ("sigma_east", "sigma_north", "sigma_height")
+ATTITUDES = ("omega", "phi", "kappa", "roll", "pitch", "heading")
 SIGMA_ANGLES = ("sigma_roll", "sigma_pitch", "sigma_heading")
-NUMBERS = (*ANGLES, "east", "north", "height", *SIGMA_M, *SIGMA_ANGLES)
 SKIP = "skip"
+TEXTS = ("image", "exposure", "camera", "strip", "point", "role")
+"""Columns that hold no numbers."""
 
 SYNONYMS = {
     "image": "image imagename image_name filename file label photoid photo id name nom n",
@@ -51,6 +56,10 @@ SYNONYMS = {
     "sigma_heading": "sigma_heading sigma_yaw",
     SKIP: "skip s - _ other",
 }
+OF_POINTS = {
+    "point": "point pointname point_name point_id pointid id name nom n pt gcp marker target label"
+}
+SHARED = ("east", "north", "height", "lat", "lon", "sigma_east", "sigma_north", "sigma_height")
 
 
 def _words_of(synonyms: Mapping[str, str]) -> dict[str, str]:
@@ -61,26 +70,36 @@ def _words_of(synonyms: Mapping[str, str]) -> dict[str, str]:
 KNOWN = _words_of(SYNONYMS)
 """Words for the columns of orientations and events."""
 
-POINT = "point pointname point_name point_id pointid id name nom n pt gcp marker target label"
-SKIPPED = {SKIP: SYNONYMS[SKIP]}
-SHARED = ("east", "north", "height", "lat", "lon", *SIGMA_M)
-
 MEASURED = _words_of(
-    {
-        "point": POINT,
+    OF_POINTS
+    | {
         "image": "image imagename image_name filename file photo photoid cliche",
         "col": "col column sample c u x",
         "row": "row line lin l v y",
         "sigma": "sigma",
-        **SKIPPED,
+        SKIP: SYNONYMS[SKIP],
     }
 )
 """Words for the columns of points measured in images."""
 
 SURVEYED = _words_of(
-    {"point": POINT, "role": "role", **{one: SYNONYMS[one] for one in SHARED}, **SKIPPED}
+    OF_POINTS | {"role": "role"} | {name: SYNONYMS[name] for name in (*SHARED, SKIP)}
 )
 """Words for the columns of surveyed points."""
+
+IN_UNIT = re.compile(r"(.+?)_?[_\[(](deg|gon|grad|rad|arcmin|m|s|px)[\])]?")
+MOST_BEFORE = 100
+"""Lines among which a heading is looked for."""
+
+SPOILT = re.compile(r"[-+*.,]?\d|(nan|inf|infinity|na|n/a|null|none|[-*?.]+)$", re.IGNORECASE)
+"""A cell with a number or with a mark in its place, not a word of a heading."""
+
+COMMA = re.compile(r"[-+]?\d+,\d+")
+THOUSANDS = re.compile(r"[-+]?\d{1,3},\d{3}")
+"""Numbers with a decimal comma, and those of which it may also set thousands apart."""
+
+WEEKS = Range(0, 100_000, "must be the GPS week, a whole number", whole=True)
+CURE = "declare them by --columns, in their order"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,139 +117,58 @@ class Column:
     name: str
     unit: str = ""
 
-
-def _column(word: str, known: Mapping[str, str]) -> Column | None:
-    """Return the column that a word means, such as ``omega``, ``kappa_gon``, ``x``; or None."""
-    plain = re.sub(r"\s+", "_", word.strip().lower())
-    for unit in UNITS:
-        stem = plain.removesuffix(f"_{unit}").removesuffix(f"[{unit}]").removesuffix(f"({unit})")
-        name = known.get(stem.strip("_"))
-        if stem != plain and (name in ANGLES or name in SIGMA_ANGLES):
-            return Column(name=str(name), unit=unit)
-    for unit in ("_m", "[m]", "(m)", "_s", "_px", "[px]", "(px)"):
-        stem = plain.removesuffix(unit).strip("_")
-        plain = stem if stem in known else plain
-    name = known.get(plain)
-    return Column(name=name) if name else None
+    @property
+    def allowed(self) -> Range:
+        """Range of its numbers."""
+        if self.name == "lat":
+            return Range(-90.0, 90.0, "must lie between -90 and 90 degrees")
+        if self.name == "lon" or self.name in ATTITUDES:
+            turn = 360.0 / UNITS[self.unit]
+            return Range(-turn, turn, f"must be an angle in {self.unit}, within a turn")
+        return WEEKS if self.name == "week" else Range(-1e12, 1e12)
 
 
-def _declared(source: Opened, text: str, known: Mapping[str, str]) -> tuple[Column, ...]:
-    """Return the columns that a user declares: words with commas or spaces between."""
-    columns = []
-    for word in filter(None, re.split(r"[\s,;]+", text)):
-        column = _column(word, known)
-        if column is None:
-            expected = f"known are {', '.join(dict.fromkeys(known.values()))}"
-            raise source.wrong("--columns", f"column {word!r} is not known", expected)
-        if column.name != SKIP and column in columns:
-            raise source.wrong("--columns", f"column {column.name!r} stands twice", "must be once")
-        columns.append(column)
-    return tuple(columns)
-
-
-def position_of(columns: Sequence[Column], name: str) -> int | None:
-    """Return the first position of a column; None where it is absent."""
-    return next((k for k, column in enumerate(columns) if column.name == name), None)
-
-
-# --- The rows of a text with declared columns: a list of events, of orientations, or of points
-
-
-COMMENTS = "#"
-QUOTED_CELL = re.compile(r"\"[^\"]*\"")
-_NUMBER = Range(-1e12, 1e12)
-SPOILT = re.compile(r"[-+*.,]?\d|(nan|inf|infinity|na|n/a|null|none|[-*?.]+)$", re.IGNORECASE)
-"""A cell with a number or with a mark in its place, not a word of a heading."""
-
-MOST = 10_000_000
-"""Largest number of rows."""
-MOST_BEFORE = 100
-"""Lines among which a heading is looked for."""
-
-MOST_WORDS = 1000
-"""Number of words of a line that decide whether it is a heading."""
-
-TEXTS = ("image", "exposure", "camera", "strip", "point", "role", SKIP)
-"""Columns that hold no numbers."""
-
-COMMA = re.compile(r"[-+]?\d+,\d+")
-THOUSANDS = re.compile(r"[-+]?\d{1,3},\d{3}")
-"""Numbers with a decimal comma, and those of which it may also set thousands apart."""
-
-
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Listed:
-    """Rows with the columns that they have.
+    """A list as it was read: names, and numbers with angles in degrees.
 
     Attributes
     ----------
     source : Opened
     columns : tuple of Column
-    rows : tuple of Line
-    heading : Line or None
-        The line that is a heading and no row, if there is one.
-    before : int
-        Lines before the heading, which are not read.
+    table : Table
+        Its rows; the columns of angles are in degrees.
+    cells : dict of str to list of str
+        The cells of every column, as they stand there but for decimal commas.
+    heading : tuple of str
+        Cells of the line that is a heading and no row; none where there is no such line.
+    heading_line : int
+    n_before, n_beyond : int
+        Lines before the heading that are not blank; cells of a row after the declared ones.
     declared : bool
         Whether the columns are declared, and not those of the heading.
     commas : bool
-        Whether the numbers of the text have decimal commas; those of `rows` have points.
+        Whether the numbers of the text have decimal commas.
     """
 
     source: Opened
     columns: tuple[Column, ...]
-    rows: tuple[Line, ...]
-    heading: Line | None = None
-    before: int = 0
+    table: Table
+    cells: Mapping[str, Sequence[str]]
+    heading: tuple[str, ...] = ()
+    heading_line: int = 1
+    n_before: int = 0
+    n_beyond: int = 0
     declared: bool = False
     commas: bool = False
 
     def has(self, *names: str) -> bool:
         """Tell whether all these columns are there."""
-        return all(position_of(self.columns, name) is not None for name in names)
+        return set(names) <= {column.name for column in self.columns}
 
-    def at(self, name: str) -> int:
-        """Return the position of a column that is present."""
-        return int(position_of(self.columns, name) or 0)
-
-    def numbers(self, name: str) -> Array:
-        """Return a column of finite numbers, shape (n,)."""
-        k = self.at(name)
-        return np.array([row.number_at(k, name, _NUMBER) for row in self.rows], dtype=float)
-
-    def unit(self, name: str, otherwise: str = "deg") -> str:
-        """Return the unit of an angle, one of `UNITS`, by its column or else the other."""
-        return self.columns[self.at(name)].unit or otherwise
-
-    def scaled(self, name: str, otherwise: str = "deg") -> Array:
-        """Return a column of angles in degrees."""
-        return self.numbers(name) * UNITS[self.unit(name, otherwise)]
-
-    def degrees(self, name: str, otherwise: str = "deg") -> Array:
-        """Return a column of angles in degrees, refused where one is more than a turn."""
-        values = self.scaled(name, otherwise)
-        expected = f"must be an angle in {self.unit(name, otherwise)}, within a turn"
-        self.refuse(name, np.abs(values) > 360, expected)
-        return values
-
-    def names(self, name: str) -> list[str]:
-        """Return a column of names that a flight may use."""
-        cells = [(row, row.cell(self.at(name), name)) for row in self.rows]
-        for row, cell in cells:
-            if fault := name_fault(cell) if cell else ("is empty", "must be a name"):
-                raise row.wrong(name, *fault)
-        return [cell for _, cell in cells]
-
-    def unique(self, name: str) -> list[str]:
-        """Return a column of names that are all different."""
-        names = self.names(name)
-        first: dict[str, Line] = {}
-        for row, cell in zip(self.rows, names, strict=True):
-            before = first.setdefault(cell, row)
-            if before is not row:
-                fault = f"{quoted(cell)} stands in line {before.number} already"
-                raise row.wrong(name, fault, "every one once")
-        return names
+    def stack(self, *names: str) -> Array:
+        """Return columns of numbers side by side, shape (n, k)."""
+        return self.table.stack(*names)
 
     @property
     def is_located(self) -> bool:
@@ -243,11 +181,44 @@ class Listed:
         by = "declaration" if self.declared else "its heading"
         return f"The columns, by {by}, are: {' '.join(column.name for column in self.columns)}"
 
+    @property
+    def text_said(self) -> tuple[str, ...]:
+        """Sentences on the encoding of the text, and on its decimal commas."""
+        return (
+            *(["The text is in Windows-1252: it is not UTF-8."] if self.source.encoding else []),
+            *(["Its numbers have decimal commas."] if self.commas else []),
+        )
+
+    def left_out(self, what: str, known: Mapping[str, str] = KNOWN) -> tuple[str, ...]:
+        """Return sentences on unread lines and columns; `what` is the noun for those read."""
+        sentences = []
+        if self.n_before:
+            sentences.append(f"Lines before the heading: {self.n_before}.")
+        if self.heading and self.declared:
+            pairs = [
+                (cell, _column(cell, known), column.name)
+                for cell, column in zip(self.heading, self.columns, strict=False)
+            ]
+            others = [
+                f"{quoted(cell)} over {name}"
+                for cell, said, name in pairs
+                if said is not None and SKIP not in (said.name, name) and said.name != name
+            ]
+            against = f"; it contradicts the declared columns: {', '.join(others)}" * bool(others)
+            sentences.append(
+                f"The heading in line {self.heading_line}, since the columns are declared{against}."
+            )
+        skipped = [k for k, column in enumerate(self.columns) if column.name == SKIP]
+        named = [self.heading[k] if self.heading else f"column {k + 1}" for k in skipped]
+        named += [f"{self.n_beyond} after those declared"] * bool(self.n_beyond)
+        if named:
+            sentences.append(f"Columns that are no {what}: {', '.join(named)}.")
+        return tuple(sentences)
+
     def undeclared(self, fault: str, expected: str) -> FlightError:
         """Return the error of wrong columns."""
-        line = self.heading.number if self.heading else 1
         cure = f"{expected}; declare them by --columns"
-        return self.source.wrong("columns", fault, cure, line=line)
+        return self.source.wrong("columns", fault, cure, line=self.heading_line)
 
     def require(self, *names: str, says: str) -> None:
         """Refuse a list that lacks columns; `says` are all that it must have."""
@@ -255,65 +226,22 @@ class Listed:
             if not self.has(name):
                 raise self.undeclared(f"have no {name}", f"must be {says}, in any order")
 
-    def problems(
-        self, name: str, wrong: Mask, expected: str, found: Callable[[int], str] | None = None
-    ) -> list[Problem]:
-        """Return a problem for each wrong row: what is found, else the cell, else the row."""
-        k_name = position_of(self.columns, name)
-
-        def cell(k: int) -> str:
-            cells = self.rows[k].cells
-            return quoted(" ".join(cells) if k_name is None else cells[k_name])
-
-        return [
-            Problem(
-                file=self.source.file,
-                line=self.rows[k].number,
-                column=name,
-                found=(found or cell)(k),
-                expected=expected,
-            )
-            for k in np.flatnonzero(wrong).tolist()
-        ]
-
-    def refuse(self, name: str, wrong: Mask, expected: str) -> None:
-        """Refuse a list that has wrong rows."""
-        if problems := self.problems(name, wrong, expected):
+    def refuse(self, name: str, wrong: Mask, found: Sequence[str], expected: str) -> None:
+        """Refuse a list that has wrong rows; what is found there is given for every row."""
+        rows = np.flatnonzero(wrong).tolist()
+        problems = [self.table.problem(k, name, found[k], expected) for k in rows]
+        if problems:
             raise FlightError(lines_of(problems))
-
-
-def left_out(listed: Listed, what: str, known: Mapping[str, str] = KNOWN) -> tuple[str, ...]:
-    """Return sentences on unread lines and columns; `what` is the noun for the columns read."""
-    k_skipped = [k for k, column in enumerate(listed.columns) if column.name == SKIP]
-    heading = listed.heading.cells if listed.heading else ()
-    named = [heading[k] if k < len(heading) else f"column {k + 1}" for k in k_skipped]
-    longest = max(listed.rows, key=len)
-    beyond = len(longest) - len(listed.columns)
-    if beyond > 0:
-        named.append(f"{beyond} after the last in line {longest.number}")
-    sentences = [f"Lines before the heading: {listed.before}."] if listed.before else []
-    if listed.declared and listed.heading:
-        others = [
-            f"{quoted(cell)} over {column.name}"
-            for cell, column in zip(heading, listed.columns, strict=False)
-            if (word := _column(cell, known)) is not None
-            and SKIP not in (word.name, column.name)
-            and word.name != column.name
-        ]
-        against = f"; it contradicts the declared columns: {', '.join(others)}" if others else ""
-        line = listed.heading.number
-        sentences.append(f"The heading in line {line}, since the columns are declared{against}.")
-    if named:
-        sentences.append(f"Columns that are no {what}: {', '.join(named)}.")
-    return tuple(sentences)
 
 
 def read_list(
     source: Opened,
     columns: str,
     *,
-    numbers: Sequence[str],
     known: Mapping[str, str] = KNOWN,
+    keys: Sequence[tuple[str, ...]] = (),
+    texts: Collection[str] = TEXTS,
+    angle: str = "deg",
 ) -> Listed:
     """Return the rows of a text, by declared columns or by those that its heading names.
 
@@ -322,117 +250,168 @@ def read_list(
     source : Opened
     columns : str
         As the user declares them; empty: the heading names them.
-    numbers : sequence of str
-        Columns of numbers, by which a heading is told from a row.
     known : mapping of str to str
         Names of columns by the words for them.
+    keys : sequence of tuple of str
+        Sets of columns; the cells of the first set that is there must differ between rows.
+    texts : collection of str
+        Columns that hold no numbers.
+    angle : str
+        Unit of angles of attitude whose column does not say it, one of `UNITS`.
 
     Raises
     ------
     FlightError
-        Where the columns are not known, or there are no rows.
+        Where columns are not known, there are no rows, or cells are wrong: each with its line.
     """
     before = _before_heading(source, known)
-    mark = _separator(source, len(before))
-    every = lines(source, separator=mark, comment=COMMENTS)
-    kept = [line for line in every if line.number > len(before)]
-    if not kept or len(kept) > MOST:
-        raise source.wrong("file", f"has {len(kept)} rows", f"must have 1 to {MOST}")
-    if columns:
-        named = _declared(source, columns, known)
-        heading = kept[0] if _is_heading(kept[0], named, numbers) else None
-    else:
-        heading, named = kept[0], _of_heading(kept[0], known)
-    rows = tuple(kept[heading is not None :])
+    separator = _separator(source, before)
+    rows = [
+        line
+        for line in lines(source, separator=separator, comment="#")
+        if line.number > before and not line.cells[0].startswith("(")  # units below a heading
+    ]
+    if not rows:
+        raise source.wrong("file", "has no rows", "must have rows")
+    named = _declared(source, columns, known) if columns else _of_heading(rows[0], known)
+    named = tuple(replace(column, unit=_unit(column, angle)) for column in named)
+    numeric = [k for k, column in enumerate(named) if column.name not in (*texts, SKIP)]
+    heading = rows.pop(0) if not columns or _is_heading(rows[0], numeric) else None
     if not rows:
         raise source.wrong("file", "has a heading and no rows", "must have rows")
-    numeric = {k for k, column in enumerate(named) if column.name not in TEXTS}
-    rows, commas = _with_points(rows, numeric)
+    n_beyond = max(len(rows[-1]) - len(named), 0) if columns else 0
+    for row in rows if heading is None else (heading, *rows):
+        if len(row) != len(named) + n_beyond:
+            hint = "blanks in a name, degrees and minutes, or decimal commas?"
+            hint = hint if len(row) > len(named) else "cut off?"
+            expected = f"must have {len(named) + n_beyond}, one for each column"
+            raise row.wrong("row", f"has {len(row)} cells ({hint})", expected)
+    cells = {
+        column.name: [row.cells[k] for row in rows]
+        for k, column in enumerate(named)
+        if column.name != SKIP
+    }
+    numbers = [named[k].name for k in numeric]
+    commas = _has_commas([cell for name in numbers for cell in cells[name]])
+    if commas:
+        cells |= {name: [cell.replace(",", ".") for cell in cells[name]] for name in numbers}
+    schema = Schema(
+        required=(),
+        may_be_empty=("role",),
+        keys=tuple(key for key in keys if cells.keys() >= set(key))[:1],
+        ranges={named[k].name: named[k].allowed for k in numeric},
+    )
+    lines_at = np.array([row.number for row in rows])
+    table = checked(Table(file=source.file, lines=lines_at), cells, schema)
+    if table.problems:
+        raise FlightError(lines_of(table.problems))
+    scales = {column.name: UNITS[column.unit] for column in named if column.unit}
+    in_degrees = {name: scales.get(name, 1.0) * table.numbers[name] for name in numbers}
     return Listed(
         source=source,
         columns=named,
-        rows=rows,
-        heading=heading,
-        before=len(before),
+        table=replace(table, numbers=in_degrees),
+        cells=cells,
+        heading=heading.cells if heading else (),
+        heading_line=heading.number if heading else 1,
+        n_before=sum(bool(line.strip()) for line in source.text().split("\n")[:before]),
+        n_beyond=n_beyond,
         declared=bool(columns),
         commas=commas,
     )
 
 
-def _with_points(rows: tuple[Line, ...], numeric: Container[int]) -> tuple[tuple[Line, ...], bool]:
-    """Return rows whose numbers have points for decimal commas, and whether they had commas.
-
-    Numbers have them where none has a point, and at least one comma is no mark between thousands.
-    """
-    cells = [cell for row in rows for k, cell in enumerate(row.cells) if k in numeric]
-    with_comma = [cell for cell in cells if "," in cell and ":" not in cell]
-    if (
-        not all(COMMA.fullmatch(cell) for cell in with_comma)
-        or any("." in cell and NUMBER.fullmatch(cell) for cell in cells)
-        or all(THOUSANDS.fullmatch(cell) for cell in with_comma)
-    ):
-        return rows, False
-    return tuple(
-        replace(
-            row,
-            cells=tuple(
-                cell.replace(",", ".") if k in numeric and COMMA.fullmatch(cell) else cell
-                for k, cell in enumerate(row.cells)
-            ),
-        )
-        for row in rows
-    ), True
+# --- Columns, by their words
 
 
-def text_said(listed: Listed) -> tuple[str, ...]:
-    """Return sentences on the encoding of a text, and on its decimal commas."""
-    return (
-        *(["The text is in Windows-1252: it is not UTF-8."] if listed.source.encoding else []),
-        *(["Its numbers have decimal commas."] if listed.commas else []),
-    )
+def _column(word: str, known: Mapping[str, str]) -> Column | None:
+    """Return the column that a word means, such as ``omega``, ``kappa_gon``, ``x``; or None."""
+    plain = re.sub(r"\s+", "_", word.strip().lower())
+    if plain in known:
+        return Column(name=known[plain])
+    match = IN_UNIT.fullmatch(plain)
+    name = known.get(match[1].strip("_")) if match else None
+    if match is None or name is None:
+        return None
+    is_angle = name in (*ATTITUDES, *SIGMA_ANGLES, "lat", "lon")
+    return Column(name=name, unit=match[2] if is_angle and match[2] in UNITS else "")
 
 
-def _before_heading(source: Opened, known: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the lines before the heading, if none of them is a row; else none.
+def _unit(column: Column, angle: str) -> str:
+    """Return the unit of an angle, and none of other columns."""
+    if column.name in (*ATTITUDES, *SIGMA_ANGLES):
+        return column.unit or angle
+    return (column.unit or "deg") if column.name in ("lat", "lon") else ""
 
-    Such a line has two different columns at least, and half of its words are columns. A row is a
+
+def _declared(source: Opened, text: str, known: Mapping[str, str]) -> tuple[Column, ...]:
+    """Return the columns that a user declares: words with commas or spaces between."""
+    columns: list[Column] = []
+    for word in filter(None, re.split(r"[\s,;]+", text)):
+        column = _column(word, known)
+        if column is None:
+            expected = f"known are {', '.join(dict.fromkeys(known.values()))}"
+            raise source.wrong("--columns", f"column {word!r} is not known", expected)
+        if column.name in {other.name for other in columns} - {SKIP}:
+            raise source.wrong("--columns", f"column {column.name!r} stands twice", "must be once")
+        columns.append(column)
+    return tuple(columns)
+
+
+def _of_heading(line: Line, known: Mapping[str, str]) -> tuple[Column, ...]:
+    columns = [_column(cell, known) or Column(name=SKIP) for cell in line.cells]
+    names = [column.name for column in columns if column.name != SKIP]
+    if len(names) < 2:
+        raise line.wrong("columns", f"is no heading: {quoted(' '.join(line.cells))}", CURE)
+    ((name, times),) = Counter(names).most_common(1)
+    if times > 1:
+        raise line.wrong("columns", f"two columns may be {name!r}", CURE)
+    return tuple(columns)
+
+
+# --- How a text is written
+
+
+def _before_heading(source: Opened, known: Mapping[str, str]) -> int:
+    """Return the number of lines before the heading, if none of them is a row; else 0.
+
+    A heading has two different columns at least, and half of its words are columns. A row is a
     line that has numbers in half of its words.
     """
-    text = source.text().split("\n")
-    for k, line in enumerate(text[:MOST_BEFORE]):
-        words = [word for word in re.split(r"[\s;,]+", line.strip()) if word][:MOST_WORDS]
-        if not words or words[0].startswith(COMMENTS):
+    for k, line in enumerate(source.text().split("\n")[:MOST_BEFORE]):
+        words = [word for word in re.split(r"[\s;,]+", line.strip()) if word]
+        if not words or words[0].startswith("#"):
             continue
         columns = {column.name for word in words if (column := _column(word, known))} - {SKIP}
         if len(columns) >= max(2, len(words) / 2):
-            return tuple(text[:k])
+            return k
         if sum(bool(NUMBER.fullmatch(word)) for word in words) >= len(words) / 2:
             break
-    return ()
+    return 0
 
 
 def _separator(source: Opened, before: int) -> str | None:
     """Return the separator of cells: the mark in both of the first two lines, or None."""
     text = (line for line in source.text().split("\n")[before:] if line.strip())
-    first = list(islice((line for line in text if not line.lstrip().startswith(COMMENTS)), 2))
-    bare = [QUOTED_CELL.sub("", line) for line in first]
+    first = list(islice((line for line in text if not line.lstrip().startswith("#")), 2))
+    bare = [re.sub(r"\"[^\"]*\"", "", line) for line in first]
     return next((mark for mark in (";", "\t", ",") if all(mark in line for line in bare)), None)
 
 
-def _is_heading(line: Line, columns: Sequence[Column], numbers: Sequence[str]) -> bool:
+def _is_heading(line: Line, numeric: Sequence[int]) -> bool:
     """Tell whether a line has words where every row has numbers; nan and 1,5 are no words."""
-    positions = (k for name in numbers if (k := position_of(columns, name)) is not None)
-    cells = [line.cells[k].strip() for k in positions if k < len(line.cells)]
-    return any(cells) and not any(SPOILT.match(cell) for cell in cells if cell)
+    cells = [cell for k in numeric if k < len(line) and (cell := line.cells[k])]
+    return bool(cells) and not any(SPOILT.match(cell) for cell in cells)
 
 
-def _of_heading(line: Line, known: Mapping[str, str]) -> tuple[Column, ...]:
-    columns = [_column(cell, known) for cell in line.cells]
-    named = [column for column in columns if column is not None and column.name != SKIP]
-    cure = "declare them by --columns, in their order"
-    if len(named) < 2:
-        raise line.wrong("columns", f"is no heading: {quoted(' '.join(line.cells))}", cure)
-    ((name, times),) = Counter(column.name for column in named).most_common(1)
-    if times > 1:
-        raise line.wrong("columns", f"two columns may be {name!r}", cure)
-    return tuple(column or Column(name=SKIP) for column in columns)
+def _has_commas(cells: Sequence[str]) -> bool:
+    """Tell whether numbers have decimal commas.
+
+    They have them where none has a point, and one comma at least is no mark between thousands.
+    """
+    with_comma = [cell for cell in cells if "," in cell]
+    return (
+        all(COMMA.fullmatch(cell) for cell in with_comma)
+        and not all(THOUSANDS.fullmatch(cell) for cell in with_comma)
+        and not any("." in cell and NUMBER.fullmatch(cell) for cell in cells)
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -13,38 +14,26 @@ from numpy.typing import NDArray
 from acx4files.exchange import safe
 from acx4files.exchange.flight_folder import ImportedFlight
 from acx4files.exchange.options import Block, Camera, Columns, Crs, HeightsOfFlight, Option
-from acx4files.exchange.safe import Line, Opened, records
+from acx4files.exchange.safe import Opened, records
 from acx4files.exchange.trajectories import orientations
-from acx4files.exchange.trajectories.listed import Listed, read_list, text_said
+from acx4files.exchange.trajectories.listed import TEXTS, Listed, read_list
 from acx4files.exchange.trajectories.orientations import Meaning
-from acx4files.flight.problems import Range, lines_of, quoted
+from acx4files.flight.problems import Problem, lines_of, quoted
 from acx4files.flight.tables import SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.errors import FlightError
-from acx4lib.expected import Array, Index
+from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry import frames
-
-ROUNDED = 1.01
-"""Of a gap: steps of 0.1 s are a little longer or shorter, as their times are rounded."""
 
 SLACK_S = 2.0
 """Standard deviations, of one record a second, may begin later and end sooner by this."""
 
-FAITHFUL_MS, FAITHFUL = 0.5, 0.1
-"""Largest difference of velocities from changes of position: m/s, or a share of the speed."""
-
-STRAIGHT = (
-    "Velocities: they differ from the changes of position by {:.2f} m/s; positions are on straight "
-    "lines between records."
-)
-
-
-# --- Time bases of events, and their place on the clock of a trajectory
-
-
-GPS_SOW, UTC_SOW = "gps-sow", "utc-sow"
-
 LARGEST_GAP_S = 0.1
 """Largest interval between two records that is interpolated, unless all are longer."""
+
+UTC = ("utc-sow", "iso-8601", "iso-8601-utc")
+"""Clocks of events that count UTC; the others count GPS time."""
+
+WEEK_SOW, ISO = "gps-week-sow", "iso-8601"
 
 
 def read(  # noqa: PLR0913 options of a command
@@ -83,41 +72,59 @@ def read(  # noqa: PLR0913 options of a command
         seconds are given, or an event lies outside the trajectory or in a gap.
     """
     track = read_track(safe.read(source))
-    listed, names, weeks, seconds = _events(safe.of_windows(safe.read(events)), columns, time)
     if len(track.time) < 2:
         raise track.source.wrong("file", "has one record", "must have two at least")
-    is_utc = time in (UTC_SOW, ISO, ISO_UTC)
+    listed, weeks, seconds = _events(safe.of_windows(safe.read(events)), columns, time)
+    is_utc = time in UTC
     if is_utc and leap_seconds is None:
         fault = "are UTC, those of the trajectory GPS time"
         expected = "needs --leap-seconds, 18 since 2017; or declare --time"
         raise listed.source.wrong("times", fault, expected)
     t = _on_clock(weeks, seconds + (leap_seconds or 0.0) * is_utc, track.time)
-    between = Between.of(track.time, t)
     spread = read_deviations(safe.read(smrmsg)) if smrmsg else None
-    _refuse_outside(track, spread, listed, t, between)
+    _refuse_outside(track, spread, listed, t)
     meaning = Meaning(crs=crs, heights="ellipsoidal" if heights is None else heights)
-    off, speed = _velocity_misfit(track, between)
-    faithful = off <= max(FAITHFUL_MS, FAITHFUL * speed)
-    lonlath = _positions(track, between, by_velocity=faithful)
-    height = orientations.in_flight(track.source, meaning, lonlath[:, :2], lonlath[:, 2])
-    roll, pitch, heading = np.round(np.degrees(_attitudes(track, between)), 9).T
+    k, share = _between(track.time, t)
+    off, speed = _velocity_misfit(track, np.unique(k))
+    is_faithful = off <= max(0.5, 0.1 * speed)  # m/s
+    lonlath = _positions(track, k, share, by_velocity=is_faithful)
+    roll, pitch, heading = np.round(np.degrees(_attitudes(track, k, share)), 9).T
+    text_of = listed.table.text
+    names = list(text_of.get("exposure") or text_of["image"])
     table: dict[str, Any] = {
         "exposure": names,
         "lat_deg": np.round(lonlath[:, 1], 11),
         "lon_deg": np.round(lonlath[:, 0], 11),
-        "height_m": np.round(height, 5),
+        "height_m": np.round(orientations.in_flight(track.source, meaning, lonlath), 5),
         "roll_deg": roll,
         "pitch_deg": pitch,
         "heading_deg": heading,
         "time_s": np.round(t, 7),
     }
+    interval = np.diff(track.time)
+    found: tuple[str, ...] = (
+        f"{len(t)} events in {len(track.time)} records of the SBET, {np.median(interval):.4g} s "
+        f"apart, at most {interval.max():.4g} s.",
+        f"Velocities, turned by the wander angle, and changes of position differ by {off:.3f} m/s "
+        f"(median over the events) at {speed:.2f} m/s.",
+    )
+    deviations = "No SMRMSG was given: the standard deviations are those of [apriori]."
     if spread is not None:
+        deviations = "Standard deviations of velocities; correlations are not in the SMRMSG."
+        found += (
+            f"Standard deviations from {len(spread.time)} records of the SMRMSG, linear between "
+            "them; of angles in arc minutes there.",
+        )
         for name, sigma in zip((*SIGMA_POSITION, *SIGMA_ATTITUDE), spread.sigma.T, strict=True):
             table[name] = np.round(np.interp(t, spread.time, sigma), 7)
+    straight = (
+        f"Velocities: they differ from the changes of position by {off:.2f} m/s; positions are on "
+        "straight lines between records."
+    )
     tables = {f"{block}/trajectory.csv": table}
     if camera:
-        cameras = [camera] * len(t)
-        tables[f"{block}/images.csv"] = {"image": names, "camera": cameras, "exposure": names}
+        images = {"image": names, "camera": [camera] * len(t), "exposure": names}
+        tables[f"{block}/images.csv"] = images
     shift = f", and GPS time is {leap_seconds:g} s ahead of UTC" if is_utc else ""
     return ImportedFlight(
         source="SBET at events",
@@ -131,62 +138,44 @@ def read(  # noqa: PLR0913 options of a command
             "The columns of the list of events are: "
             f"{' '.join(column.name for column in listed.columns)}"
             f"{'; its first line is a heading' if listed.heading else ''}.",
-            *text_said(listed),
+            *listed.text_said,
             "True heading is platform heading minus wander angle; roll, pitch and heading are "
             "forward-right-down against north-east-down.",
             "Positions are those of the point to which the SBET refers, taken for the IMU; "
             "latitude and longitude are of the datum of the flight's CRS.",
             orientations.heights_said(replace(meaning, ellipsoidal=True)),
         ),
-        found=_found(track, spread, len(t), off, speed),
+        found=found,
         left_out=(
             "Accelerations and rates of turn of the SBET: attitudes turn evenly between records.",
-            *([] if faithful else [STRAIGHT.format(off)]),
-            "Standard deviations of velocities; correlations are not in the SMRMSG."
-            if spread
-            else "No SMRMSG was given: the standard deviations are those of [apriori].",
+            *([] if is_faithful else [straight]),
+            deviations,
         ),
     )
 
 
-def _found(
-    track: Track, spread: Deviations | None, n: int, off: float, speed: float
-) -> tuple[str, ...]:
-    interval = np.diff(track.time)
-    said = (
-        f"{n} events in {len(track.time)} records of the SBET, {np.median(interval):.4g} s "
-        f"apart, at most {interval.max():.4g} s.",
-        f"Velocities, turned by the wander angle, and changes of position differ by {off:.3f} m/s "
-        f"(median over the events) at {speed:.2f} m/s.",
-    )
-    if spread is None:
-        return said
-    return (
-        *said,
-        f"Standard deviations from {len(spread.time)} records of the SMRMSG, linear between them; "
-        "of angles in arc minutes there.",
-    )
-
-
-def _refuse_outside(
-    track: Track, spread: Deviations | None, listed: Listed, t: Array, between: Between
-) -> None:
+def _refuse_outside(track: Track, spread: Deviations | None, listed: Listed, t: Array) -> None:
     """Refuse events outside the records of a file, or in a gap of the trajectory."""
-    problems = []
+    problems: list[Problem] = []
+
+    def refuse(wrong: Mask, expected: str, found: Callable[[int], str]) -> None:
+        rows = np.flatnonzero(wrong).tolist()
+        problems.extend(listed.table.problem(k, "time", found(k), expected) for k in rows)
+
     files = [(track.source, track.time, 0.0)]
     files += [(spread.source, spread.time, SLACK_S)] if spread else []
     for source, time, slack in files:
         first, last = time[0] - slack, time[-1] + slack
         places = f"must lie between {first:.3f} and {last:.3f} s, of {source.name}"
-        outside = (t < first) | (t > last)
-        problems += listed.problems("time", outside, places, lambda k: f"is {t[k]:.3f} s")
-    usual = float(np.median(np.diff(track.time)))
+        refuse((t < first) | (t > last), places, lambda k: f"is {t[k]:.3f} s")
+    intervals = np.diff(track.time)
+    usual = float(np.median(intervals))
     largest = max(LARGEST_GAP_S, usual)
-    gap = (between.share >= 0) & (between.share <= 1) & (between.interval > ROUNDED * largest)
+    before, share = _between(track.time, t)
+    gap = intervals[before]
+    is_gap = (share >= 0) & (share <= 1) & (gap > 1.01 * largest)  # times are rounded
     cure = f"must be at most {largest:g} s; usual are {usual:.3g} s"
-    problems += listed.problems(
-        "time", gap, cure, lambda k: f"lies in a gap of {between.interval[k]:.3f} s"
-    )
+    refuse(is_gap, cure, lambda k: f"lies in a gap of {gap[k]:.3f} s")
     if problems:
         raise FlightError(lines_of(problems))
 
@@ -322,48 +311,36 @@ def _refuse(source: Opened, name: str, values: Array, bad: NDArray[Any], expecte
         raise source.wrong(name, fault.replace("np.float64", ""), f"must be {expected}")
 
 
-# --- Position, attitude and standard deviations between the records of a trajectory
+# --- Position and attitude between the records of a trajectory
 
 
 AXIS_M, FLATTENING = 6_378_137.0, 1 / 298.257222101
 """GRS 80; that of WGS 84 differs by 0.1 mm. It turns velocities into rates of angles."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Between:
-    """Where times lie between the records of a trajectory.
+def _between(times: Array, t: Array) -> tuple[Index, Array]:
+    """Return the record before each time, and the share of the interval after it that has passed.
 
-    Attributes
-    ----------
-    before : ndarray of int, shape (n,)
-        The record before each time; the next is the one after it.
-    share : ndarray, shape (n,)
-        Of the interval that has passed, 0 to 1.
-    interval : ndarray, shape (n,)
-        Seconds.
+    Outside the records they are those of the first or the last interval.
     """
-
-    before: Index
-    share: Array
-    interval: Array
-
-    @classmethod
-    def of(cls, times: Array, t: Array) -> Between:
-        """Return where times lie between increasing ones, two at least; outside: the end's."""
-        before = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
-        interval = times[before + 1] - times[before]
-        return cls(before=before, share=(t - times[before]) / interval, interval=interval)
+    before = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
+    return before, (t - times[before]) / (times[before + 1] - times[before])
 
 
-def _positions(track: Track, between: Between, *, by_velocity: bool) -> Array:
-    """Return longitude, latitude (deg) and height (m), shape (n, 3)."""
-    first, last = track.lonlath(between.before), track.lonlath(between.before + 1)
-    step = last - first
+def _steps(track: Track, k: Index) -> Array:
+    """Return what longitude, latitude (rad) and height (m) change by from records to the next."""
+    step = track.lonlath(k + 1) - track.lonlath(k)
     step[:, 0] = (step[:, 0] + np.pi) % (2 * np.pi) - np.pi
-    s = between.share[:, None]
-    x = first + s * step
+    return step
+
+
+def _positions(track: Track, k: Index, share: Array, *, by_velocity: bool) -> Array:
+    """Return longitude, latitude (deg) and height (m), shape (n, 3)."""
+    step, s = _steps(track, k), share[:, None]
+    x = track.lonlath(k) + s * step
     if by_velocity:  # a cubic, whose error grows with the fourth power of the interval
-        begin, end = (between.interval[:, None] * _rates(track, between.before + k) for k in (0, 1))
+        interval = (track.time[k + 1] - track.time[k])[:, None]
+        begin, end = interval * _rates(track, k), interval * _rates(track, k + 1)
         x += s * (1 - s) * ((1 - s) * (begin - step) - s * (end - step))
     x[:, 0] = (x[:, 0] + np.pi) % (2 * np.pi) - np.pi
     return np.column_stack([np.degrees(x[:, :2]), x[:, 2]])
@@ -380,55 +357,31 @@ def _rates(track: Track, rows: Index) -> Array:
     return np.stack([east / (across * np.cos(lat)), north / along, -down], axis=-1)
 
 
-def _attitudes(track: Track, between: Between) -> Array:
+def _attitudes(track: Track, k: Index, share: Array) -> Array:
     """Return roll, pitch and true heading, rad, shape (n, 3); the body turns at a constant rate."""
-    R_n_b, after = (frames.rotation_from_rph(track.rph(between.before + k)) for k in (0, 1))
+    R_n_b, after = (frames.rotation_from_rph(track.rph(rows)) for rows in (k, k + 1))
     turned = frames.log(np.swapaxes(R_n_b, -1, -2) @ after)
-    rph = frames.rph_from_rotation(R_n_b @ frames.exp(between.share[:, None] * turned))
+    rph = frames.rph_from_rotation(R_n_b @ frames.exp(share[:, None] * turned))
     return np.column_stack([rph[:, :2], rph[:, 2] % (2 * np.pi)])
 
 
-def _velocity_misfit(track: Track, between: Between) -> tuple[float, float]:
+def _velocity_misfit(track: Track, k: Index) -> tuple[float, float]:
     """Return how much velocities and changes of position differ, and the speed; medians, m/s."""
-    rows = np.unique(between.before)
-    first, last = track.lonlath(rows), track.lonlath(rows + 1)
-    step = last - first
-    step[:, 0] = (step[:, 0] + np.pi) % (2 * np.pi) - np.pi
-    dt = (track.time[rows + 1] - track.time[rows])[:, None]
-    rates = 0.5 * (_rates(track, rows) + _rates(track, rows + 1))
-    across = np.column_stack([AXIS_M * np.cos(first[:, 1]), np.full((len(rows), 2), [AXIS_M, 1.0])])
-    off = np.linalg.norm(across * (step / dt - rates), axis=1)
-    return float(np.median(off)), float(np.median(np.linalg.norm(across * rates, axis=1)))
+    interval = (track.time[k + 1] - track.time[k])[:, None]
+    rates = 0.5 * (_rates(track, k) + _rates(track, k + 1))
+    metres = np.column_stack(
+        [AXIS_M * np.cos(track.lonlath(k)[:, 1]), np.full((len(k), 2), [AXIS_M, 1.0])]
+    )
+    off = np.linalg.norm(metres * (_steps(track, k) / interval - rates), axis=1)
+    return float(np.median(off)), float(np.median(np.linalg.norm(metres * rates, axis=1)))
 
 
-WEEK_SOW = "gps-week-sow"
-ISO, ISO_UTC, ISO_GPS = "iso-8601", "iso-8601-utc", "iso-8601-gps"
-"""Seconds of the GPS week in GPS time or UTC, the former with the week; dates with their zone, or
-without one in UTC or GPS time."""
+# --- A list of events: names of images, and when they were exposed
+
 
 WEEK_S = 604_800.0
-SECONDS = Range(0.0, WEEK_S + 86_400.0, "must be seconds of the week, 0 to 604800")
-WEEKS = Range(0, 100_000, "must be the GPS week, a whole number", whole=True)
 FIRST_DAY = dt.datetime(1980, 1, 6, tzinfo=dt.UTC)
 """When GPS weeks began."""
-
-
-def _of_date(line: Line, base: str, cell: str) -> tuple[float, float]:
-    try:
-        date = dt.datetime.fromisoformat(cell)
-    except ValueError:
-        expected = "must be a date with its time, as 2026-05-02T10:15:30.25Z"
-        raise line.wrong("time", quoted(cell), expected) from None
-    if (date.tzinfo is None) == (base == ISO):
-        expected = (
-            f"needs a zone, such as Z; or declare --time {ISO_UTC} or {ISO_GPS}"
-            if base == ISO
-            else f"must have no zone; or declare --time {ISO}"
-        )
-        raise line.wrong("time", quoted(cell), expected)
-    since = (date if date.tzinfo else date.replace(tzinfo=dt.UTC)) - FIRST_DAY
-    week, day = divmod(since.days, 7)
-    return float(week), 86_400.0 * day + since.seconds + 1e-6 * since.microseconds
 
 
 def _continued(times: Array) -> Array:
@@ -445,32 +398,41 @@ def _on_clock(weeks: Array, seconds: Array, times: Array) -> Array:
     return np.asarray(seconds + WEEK_S * nearest, dtype=float)
 
 
-# --- A list of events: names of images, and when they were exposed
-
-
-def _events(source: Opened, columns: str, base: str) -> tuple[Listed, list[str], Array, Array]:
-    """Return the events of a text: their list, names, GPS weeks, seconds of the week.
-
-    Weeks are NaN where none is stated.
-    """
-    listed = read_list(source, columns, numbers=("time", "week"))
-    name = next((column for column in ("exposure", "image") if listed.has(column)), "")
-    needed = ("time", "week") if base == WEEK_SOW else ("time",)
-    missing = [column for column in needed if not listed.has(column)] + ["image"] * (not name)
-    if missing:
-        raise source.wrong("columns", f"{missing[0]!r} is missing", f"--time {base} needs it")
-    if listed.has("week") and base != WEEK_SOW:
+def _events(source: Opened, columns: str, clock: str) -> tuple[Listed, Array, Array]:
+    """Return the events of a text, and their GPS weeks, NaN where none is stated, and seconds."""
+    texts = (*TEXTS, "time") if clock.startswith(ISO) else TEXTS
+    listed = read_list(source, columns, keys=[("exposure",), ("image",)], texts=texts)
+    needed = ["time"] + ["week"] * (clock == WEEK_SOW)
+    needed += [] if listed.has("exposure") else ["image"]
+    listed.require(*needed, says=" ".join(needed))
+    if listed.has("week") and clock != WEEK_SOW:
         expected = f"needs --time {WEEK_SOW}; or declare skip"
         raise source.wrong("columns", "'week' is there", expected)
-    k_time, k_week = listed.at("time"), listed.at("week")
-    stamps = []
-    for row in listed.rows:
-        if base.startswith(ISO):
-            stamps.append(_of_date(row, base, row.cell(k_time, "time")))
-        else:
-            seconds = row.number_at(k_time, "time", SECONDS)
-            is_dated = base == WEEK_SOW
-            week = row.number_at(k_week, "week", WEEKS) if is_dated else float("nan")
-            stamps.append((week, seconds))
-    weeks, seconds_of = np.array(stamps, dtype=float).T
-    return listed, listed.unique(name), weeks, seconds_of
+    if clock.startswith(ISO):
+        dates = [_of_date(listed, row, clock) for row in range(len(listed.table))]
+        weeks, seconds = np.array(dates, dtype=float).T
+        return listed, weeks, seconds
+    seconds = listed.table.numbers["time"]
+    wrong: Mask = ~((seconds >= 0) & (seconds <= WEEK_S + 86_400.0))
+    expected = "must be seconds of the week, 0 to 604800"
+    listed.refuse("time", wrong, [quoted(cell) for cell in listed.cells["time"]], expected)
+    return listed, listed.table.numbers.get("week", np.full(len(seconds), np.nan)), seconds
+
+
+def _of_date(listed: Listed, row: int, clock: str) -> tuple[float, float]:
+    """Return GPS week and seconds of the week of a date, on its own clock."""
+    cell = listed.cells["time"][row]
+    try:
+        date = dt.datetime.fromisoformat(cell)
+        expected = "must have no zone; or declare --time iso-8601"
+        if clock == ISO:
+            expected = "needs a zone, such as Z; or declare --time iso-8601-utc or iso-8601-gps"
+        is_wrong = (date.tzinfo is None) == (clock == ISO)
+    except ValueError:
+        is_wrong, expected = True, "must be a date with its time, as 2026-05-02T10:15:30.25Z"
+    if is_wrong:
+        problem = listed.table.problem(row, "time", quoted(cell), expected)
+        raise FlightError([str(problem)])
+    since = (date if date.tzinfo else date.replace(tzinfo=dt.UTC)) - FIRST_DAY
+    week, day = divmod(since.days, 7)
+    return float(week), 86_400.0 * day + since.seconds + 1e-6 * since.microseconds

@@ -11,12 +11,13 @@ from acx4lib.bundle import adjust
 from acx4lib.bundle.compiled import normals, packing
 from acx4lib.bundle.compiled.normals import by_points
 from acx4lib.bundle.observations import PoseObservations
-from acx4lib.geometry.parameters import MOUNT, Prior
+from acx4lib.geometry.parameters import Prior
 from acx4lib.least_squares import adjustment, processors
 from acx4lib.least_squares.adjustment import of_points
 from acx4lib.least_squares.covariance import GaussMarkov
 from acx4lib.least_squares.normal_equations import PlainNormals, point_normals
 from acx4lib.least_squares.reduced_system import BandedInverse
+from acx4lib.model import Model
 from support.flights.simulated import read_back
 
 
@@ -67,7 +68,7 @@ def with_positions(block):
         sigma_position=block.trajectory.sigma_position[block.images.exposure_idx],
         sigma_attitude=np.full((n, 3), np.inf),
     )
-    return adjust.free_orientation(block, free=("f", "xp"), positions=observed)
+    return adjust.free_orientation(block, Model(free=("f", "xp")), positions=observed)
 
 
 def with_declared_mountings(block):
@@ -82,7 +83,7 @@ def with_declared_mountings(block):
     cameras = tuple(
         replace(camera, prior=prior) for camera, prior in zip(block.cameras, priors, strict=True)
     )
-    return adjust.mounted_orientation(replace(block, cameras=cameras), free=ALL[:4])
+    return adjust.mounted_orientation(replace(block, cameras=cameras), Model(free=ALL[:4]))
 
 
 def slowly(block, gnss=()):
@@ -96,7 +97,7 @@ def slowly(block, gnss=()):
         slow_attitudes=GaussMarkov(share=0.6, time_constant_s=30.0),
     )
     return adjust.mounted_orientation(
-        replace(block, trajectory=trajectory), free=ALL[:4], gnss=gnss
+        replace(block, trajectory=trajectory), Model(free=ALL[:4], gnss=gnss)
     )
 
 
@@ -105,7 +106,7 @@ def with_held_control(block):
     sigma_m[::3] = 0.0  # error-free
     sigma_m[1, 2] = np.inf  # a height that was taken out
     held = replace(block, control=replace(block.control, sigma_m=sigma_m))
-    return adjust.free_orientation(held, free=ALL[:5])
+    return adjust.free_orientation(held, Model(free=ALL[:5]))
 
 
 def with_held_poses(net, every=3):
@@ -117,26 +118,26 @@ def with_held_poses(net, every=3):
 
 
 NETWORKS = {
-    "single step": lambda f: adjust.mounted_orientation(f.calibration, free=ALL[:8]),
-    "all interior": lambda f: adjust.mounted_orientation(f.calibration, free=ALL),
+    "single step": lambda f: adjust.mounted_orientation(f.calibration, Model(free=ALL[:8])),
+    "all interior": lambda f: adjust.mounted_orientation(f.calibration, Model(free=ALL)),
     "boresight only": lambda f: adjust.mounted_orientation(
-        f.calibration, free=(), free_mount=("boresight_x", "boresight_z")
+        f.calibration, Model(fix=("lever_arm",))
     ),
     "refraction": lambda f: adjust.mounted_orientation(
-        f.calibration, free=("f",), refraction="standard"
+        f.calibration, Model(free=("f",), refraction="standard")
     ),
     "distortion at the measured points": lambda f: replace(
-        adjust.mounted_orientation(f.calibration, free=ALL), distortion_at="measured"
+        adjust.mounted_orientation(f.calibration, Model(free=ALL)), distortion_at="measured"
     ),
     "a rig of four heads": lambda f: adjust.mounted_orientation(
-        f.heads, free=("f", "xp", "yp", "k1")
+        f.heads, Model(free=("f", "xp", "yp", "k1"))
     ),
     "declared mountings of a rig": lambda f: with_declared_mountings(f.heads),
-    "free exteriors": lambda f: adjust.free_orientation(f.calibration, free=ALL[:3]),
+    "free exteriors": lambda f: adjust.free_orientation(f.calibration, Model(free=ALL[:3])),
     "positions observed": lambda f: with_positions(f.calibration),
     "held control": lambda f: with_held_control(f.calibration),
     "a shift and drifts of GNSS positions": lambda f: adjust.mounted_orientation(
-        f.calibration, free=ALL[:3], gnss=("shift", "drift")
+        f.calibration, Model(free=ALL[:3], gnss=("shift", "drift"))
     ),
     "errors that change slowly": lambda f: slowly(f.calibration),
     "slow errors, delays, shift and drifts of a rig": lambda f: slowly(
@@ -144,16 +145,16 @@ NETWORKS = {
     ),
     "slow errors beside held poses": lambda f: with_held_poses(slowly(f.calibration)),
     "held poses": lambda f: with_held_poses(
-        adjust.mounted_orientation(f.calibration, free=ALL[:5])
+        adjust.mounted_orientation(f.calibration, Model(free=ALL[:5]))
     ),
     "held poses of free exteriors": lambda f: with_held_poses(
-        adjust.free_orientation(f.calibration, free=("f",)), every=8
+        adjust.free_orientation(f.calibration, Model(free=("f",))), every=8
     ),
     "all poses held": lambda f: with_held_poses(
-        with_held_poses(adjust.mounted_orientation(f.heads, free=("f",)), every=2)
+        with_held_poses(adjust.mounted_orientation(f.heads, Model(free=("f",))), every=2)
     ),
     "a shift in height of a rig": lambda f: adjust.mounted_orientation(
-        f.heads, free=("f",), free_mount=MOUNT[3:], gnss=("shift",)
+        f.heads, Model(free=("f",), fix=("lever_arm",), gnss=("shift",))
     ),
 }
 
@@ -231,7 +232,7 @@ def test_a_point_measured_twice_in_one_image_counts_twice(flight, plain):
     block = flight.calibration
     again = np.concatenate([np.arange(len(block.image_points)), [3, 40]])
     doubled = replace(block, image_points=block.image_points[again])
-    net = adjust.mounted_orientation(doubled, free=("f",))
+    net = adjust.mounted_orientation(doubled, Model(free=("f",)))
     assert_equal_normals(net.normals(net.start), plain(net, net.start))
 
 
@@ -272,7 +273,7 @@ def test_large_singular_blocks_are_refused_in_words(flight, monkeypatch):
     monkeypatch.setattr(normals, "LARGEST_DENSE", 10)
     block = flight.calibration
     without = replace(block, control=block.control[np.zeros(len(block.control), dtype=bool)])
-    net = adjust.free_orientation(without, free=("f",))
+    net = adjust.free_orientation(without, Model(free=("f",)))
     with pytest.raises(adjustment.AdjustmentError, match="singular and too large"):
         net.normals(net.start).step()
 
@@ -333,7 +334,7 @@ def test_observations_of_some_points_are_those_of_all(noisy_block):
     sigma_m = noisy_block.control.sigma_m.copy()
     sigma_m[[1, 5]] = 0.0
     block = replace(noisy_block, control=replace(noisy_block.control, sigma_m=sigma_m))
-    net = adjust.free_orientation(block, free=("f", "k1"))
+    net = adjust.free_orientation(block, Model(free=("f", "k1")))
     equations = [e for e in net.equations(net.start)[1:] if e.B is not None]
     points = net.observed_points
     V, h = point_normals(np.ones(net.n_points, dtype=bool), equations)
