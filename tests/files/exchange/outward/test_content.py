@@ -45,9 +45,7 @@ def test_a_calibration_comes_back_with_its_a_posteriori_covariance(rig):
 def test_what_is_not_there_is_one_line_that_says_what_is(rig, single, tmp_path):
     with pytest.raises(FlightError, match="no results of a run; acx4 run FLIGHT --results makes"):
         content.read(tmp_path)
-    with pytest.raises(
-        FlightError, match="no calibration of single_step that can be .*; it has"
-    ):
+    with pytest.raises(FlightError, match=r"no calibration of single_step that can be .*; it has"):
         content.read(rig, method="single_step")
     with pytest.raises(
         FlightError, match=r"no calibration of heads that can .*; it has single_step"
