@@ -15,8 +15,8 @@ from acx4files.exchange import coordinates, flight_folder
 from acx4files.exchange.flight_folder import ImportedFlight
 from acx4files.exchange.opencv import to_opencv
 from acx4files.exchange.project import (
+    columns,
     first_use,
-    image_points,
     require_names,
     trajectory_in_grid,
     without_doubles,
@@ -272,8 +272,8 @@ def test_a_form_that_is_not_edited_line_by_line_is_written_anew():
 
 
 def test_numbers_have_the_digits_that_they_need():
-    points = image_points(["a"], ["1"], np.array([[1.23456789, 2.0]]))
-    assert points == {"image": ["a"], "point": ["1"], "col_px": [1.2346], "row_px": [2.0]}
+    points = columns("col_px row_px", np.array([[1.23456789, 2.0]]))
+    assert points == {"col_px": [1.2346], "row_px": [2.0]}
     table = trajectory_in_grid(
         ["a"], np.array([[1.123456789, 2.0, 3.0]]), np.radians([[0.1, 0.2, 1 / 3]])
     )
@@ -291,7 +291,7 @@ def test_names_that_stand_twice_get_the_program_s_number():
     ("name", "said"), [("", "is empty"), ("=a", "would be computed"), ("a\nb", "U\\+000A")]
 )
 def test_a_name_that_no_flight_may_use_is_refused(name, said):
-    def wrong(name, found, expected):
+    def wrong(found, expected):
         return FlightError([f"f:1: name: {found}; {expected}"])
 
     with pytest.raises(FlightError, match=f"f:1: name: .*{said}"):

@@ -521,7 +521,9 @@ def _measured(chunk: _Chunk, flown: Mapping[str, Element], system: Chosen | None
         if system.source is None:
             north = f"the north of {system.crs}, made true by the convergence"
             yaw = yaw + np.degrees(system.grid().convergence(lonlath[:, :2]))
-        table = project.trajectory(list(rows), lonlath, np.stack([roll, pitch, yaw], axis=1))
+        names = "lat_deg lon_deg height_m roll_deg pitch_deg heading_deg"
+        values = np.column_stack([lonlath[:, [1, 0, 2]], roll, pitch, yaw])
+        table = {"exposure": list(rows), **project.columns(names, values)}
     sigmas, whose = _sigmas(chunk, references)
     said = (
         f"Yaw is the heading, clockwise from {north}, pitch is positive with the top of the image "

@@ -97,7 +97,7 @@ def read_project(
     ties = _ties(files, root, images, sizes)
     named = {"image": images.names, "camera": images.cameras, "exposure": images.exposures}
     for kind, names in {**named, "point": ties.points}.items():
-        project.require_names(names, project.naming(partial(root.source.wrong, kind)))
+        project.require_names(names, partial(root.source.wrong, kind))
     place = _place_of(files, root, images.T_w_c.r, gps, crs)
     listed = [file for file in map(files.maybe, CONTROL) if file is not None]
     marks, control, lost = Measured(), None, dict[str, int]()
@@ -545,7 +545,7 @@ def _points(rows: Sequence[Line]) -> tuple[dict[tuple[float, ...], str], list[Se
         colrow = row.numbers(3, 5, "col, row", RANGES["col_px"])
         given = row.cells[6] if len(row) > 6 else ""
         key = (row.cell(5, "image"), names.setdefault(xyz, given or f"GCP{len(names) + 1}"))
-        project.require_names(key, project.naming(partial(row.wrong, "name")))
+        project.require_names(key, partial(row.wrong, "name"))
         if given not in ("", key[1]):
             fault = f"{quoted(given)} has the coordinates of {quoted(key[1])}"
             raise row.wrong("name", fault, "must be one name for one point")

@@ -371,7 +371,7 @@ def _measured(captures: Mapping[str, Node], system: Chosen | None) -> Trajectory
     }
     for names, values in sigmas.items():
         if (values > 0).all():
-            columns = np.round(values, project.DEGREES).T.tolist()
+            columns = np.round(values, 9).T.tolist()
             table |= {f"sigma_{name}": column for name, column in zip(names, columns, strict=True)}
     return Trajectory(table=table, assumed=(ANGLES,))
 
@@ -481,7 +481,7 @@ def _points(document: Node) -> tuple[dict[str, Node], dict[str, tuple[_Place, bo
     """Return the points with marks, and the places of control points and whether they check."""
     gcps = project.by_id(_ids(document.all("gcps")))
     points = project.by_id(_ids([*gcps.values(), *document.all("mtps")]))
-    project.require_names([*points], lambda name, fault, wanted: points[name].wrong(fault, wanted))
+    project.named(points, list(points))
     return points, {
         name: (_place(gcp.one("geolocation")), gcp.value.get("is_checkpoint") is True)
         for name, gcp in gcps.items()

@@ -112,7 +112,7 @@ def read_project(
     offset: Array = np.zeros(3)
     shots = _shots(parameters)
     names = tuple(shot.name for shot in shots)
-    project.require_names(names, project.naming(partial(parameters.wrong, "image")))
+    project.require_names(names, partial(parameters.wrong, "image"))
     if OFFSET in files:
         blank = Line(file=files[OFFSET].file, number=1, cells=())
         offset = next(safe.lines(files[OFFSET]), blank).numbers(0, 3, "offset", METRES)
