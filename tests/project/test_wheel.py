@@ -176,7 +176,7 @@ def distributions(modules):
     [
         ("acx4sim", ("command",)),
         ("acx4lib", ("images", "cluster")),
-        ("acx4files", ("images", "cluster")),
+        ("acx4files", ("images", "cluster", "opf")),
         ("acx4book", ("book", "pdf", "reference")),
     ],
 )
