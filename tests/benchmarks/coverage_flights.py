@@ -25,7 +25,7 @@ from acx4book.chapters import weights
 from acx4book.command.runs import executor
 from acx4book.notebooks.simulated import fly_and_read
 from acx4files.flight.reader import Flight
-from acx4files.results.table_files import RELATIVE
+from acx4files.results.folder import RELATIVE
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.calibration import estimates, mounting

@@ -150,7 +150,7 @@ def test_clean_flights_raise_nothing(design, flights):
         stage = mounting.calibrate(flown)
         bundle = stage.single_step.bundle
         assert bundle.stopped == ()
-        assert all(not c.objection for c in confirmations(bundle))
+        assert all(c.confirmed for c in confirmations(bundle))
 
 
 @pytest.mark.parametrize("mistake", ["none", "geoid", "clock"])

@@ -52,18 +52,18 @@ def measure(
     from acx4book.command import runs  # noqa: PLC0415 quick help
     from acx4files.measuring.levels import MeasureOptions  # noqa: PLC0415 quick help
     from acx4files.measuring.measure import measure_flight, write_pictures  # noqa: PLC0415 quick help
-    from acx4files.results import own_folder  # noqa: PLC0415 quick help
+    from acx4files.results import whole_files  # noqa: PLC0415 quick help
 
     if flight.resolve() == out.resolve():
         terminal.refuse(f"{out}: is the flight itself; choose another folder for the measured one")
     if show_in is not None:
-        own_folder.check_new(show_in)
+        whole_files.check_new(show_in)
     options = MeasureOptions(reduce=reduce, ground_m=ground)
     pool = nullcontext() if jobs == 1 else runs.executor(jobs, None)
     with terminal.stage_bars("pairs") as tell, pool as executor:
         outcomes = measure_flight(flight, out, options=options, executor=executor, tell=tell)
     if show_in is not None:
-        with own_folder.placed(show_in) as draft:
+        with whole_files.placed(show_in) as draft:
             write_pictures(outcomes, draft)
     terminal.say_if_not_kept()
     for outcome in outcomes:
@@ -104,17 +104,13 @@ def render(
 ) -> None:
     """Render the synthetic images of a flight."""
     from acx4files.flight.reader import read  # noqa: PLC0415 quick help
-    from acx4files.images.exposure import RenderOptions  # noqa: PLC0415 quick help
     from acx4files.images.flight_images import render_flight  # noqa: PLC0415 quick help
 
-    options = RenderOptions(blend=blend, equalise="none" if blend == "stack" else "flight")
     named = None if exposures is None else [n.strip() for n in exposures.split(",") if n.strip()]
     if named == []:
         terminal.refuse("--exposures: name at least one exposure")
     with terminal.counting_bar("images") as tell:
-        report = render_flight(
-            read(flight), results, out, exposures=named, options=options, tell=tell
-        )
+        report = render_flight(read(flight), results, out, exposures=named, blend=blend, tell=tell)
     terminal.say_if_not_kept()
     for line in report.notes:
         terminal.show(line)

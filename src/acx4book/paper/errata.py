@@ -24,8 +24,8 @@ from acx4book.typesetting.myst import LABELS, TITLES, marked, say, sections
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4files.flight.reader import Flight, read_kept
 from acx4files.results import folder
-from acx4files.results.adjustments import mounted_block
 from acx4files.results.provenance import KEPT
+from acx4files.results.read_back import mounted_block
 from acx4files.stages import mounting
 from acx4lib.calibration.determination import Absorption, absorption
 from acx4lib.expected import Array, Mask

@@ -23,7 +23,7 @@ from acx4files.exchange import lens, safe
 from acx4files.exchange.lens import FLIP, Left, Pinhole
 from acx4files.exchange.safe import Opened, xml_tree
 from acx4files.flight.problems import quoted
-from acx4files.images import image_files
+from acx4files.images import head_images
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera
@@ -154,7 +154,7 @@ def read(path: Path) -> Tags:
     except BROKEN:
         fault, expected = "cannot be read", "must be a TIFF or a JPEG that is whole"
         raise source.wrong("file", fault, expected) from None
-    if image_files.is_cut_off(path):
+    if head_images.is_cut_off(path):
         raise source.wrong("file", "is cut off: its pixels have no end", "must be whole")
     packet = picture.info.get("xmp", b"")
     end = packet.find(b"</x:xmpmeta>")  # some writers leave other bytes behind it
@@ -218,12 +218,12 @@ def properties(packet: bytes, path: Path) -> Properties:
     """
     root = xml_tree(Opened(file=f"{path} (XMP)", data=packet.strip(b"\0 \t\r\n")))
     found: dict[str, tuple[str, ...]] = {}
-    for description in root.everywhere(f"{RDF} Description"):
-        for name, value in description.attributes.items():
+    for description in root.iter(f"{RDF} Description"):
+        for name, value in description.attrib.items():
             found[_known(name)] = (value.strip(),)
-        for child in description.below:
-            items = [item for below in child.below if below.tag in LISTS for item in below.below]
-            found[_known(child.tag)] = tuple(item.text for item in items or [child])
+        for child in description:
+            items = [item for below in child if below.tag in LISTS for item in below]
+            found[_known(child.tag)] = tuple(item.text or "" for item in items or [child])
     found.pop("", None)
     return found
 

@@ -30,7 +30,7 @@ from acx4files.measuring.views import (
     seen_at,
     size_on_file,
 )
-from acx4files.results import own_folder, whole_files
+from acx4files.results import whole_files
 from acx4files.results.whole_files import file_stem
 from acx4lib import expected, shown
 from acx4lib.block import Block, select_images
@@ -106,7 +106,7 @@ def measure_flight(
         Where the folder must not be used.
     """
     unmeasured = read_unmeasured(path)
-    with own_folder.claim(folder, signs=[FOLDER], away_from=[Path(path)]):
+    with whole_files.claim(folder, signs=[FOLDER]):
         (Path(folder) / FOLDER).mkdir(exist_ok=True)  # by which the folder is known
         matching = Matching(folder=Path(folder) / FOLDER, executor=executor)
         _copied(unmeasured, Path(folder))

@@ -18,7 +18,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from acx4files.images.image_files import fingerprint
+from acx4files.images.head_images import fingerprint
 from acx4files.measuring.views import Surface, View, pixels_of_view, transferred
 from acx4files.results import whole_files
 from acx4lib import expected
@@ -412,7 +412,7 @@ def _keep(path: Path, both: Both) -> None:
     parts = {
         f"{k}_{name}": getattr(matches, name) for k, matches in enumerate(both) for name in _PARTS
     }
-    with whole_files.together() as new, new.open(path) as file:
+    with whole_files.appearing(path) as draft, draft.open("wb") as file:
         np.savez(file, **parts)
 
 

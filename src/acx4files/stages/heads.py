@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from acx4files.flight.reader import Flight
-from acx4files.results import adjustments
+from acx4files.results import provenance, tables
+from acx4files.results.folder import Record
 from acx4files.stages import diagnosed
 from acx4lib.attempts import Failed, attempt
 from acx4lib.bundle.adjust import Bundle
@@ -54,17 +55,15 @@ def write(
     """Write the results of the heads, failures included."""
     records = [_record(name, fit) for name, fit in heads.bundles.items()]
     for name, reason in heads.failures.items():
-        key = f"heads/bundle/{name}"
-        failure = adjustments.of_failure("heads", "bundle", f"{key}: {reason}", summary_key=key)
-        records.append(failure)
-    method = "relative_orientation"
+        records.append(tables.not_adjusted(f"heads/bundle/{name}", reason, of="not_determined"))
+    key = "heads/relative_orientation"
     if isinstance(orientation, Failed):
-        records.append(adjustments.of_left_out("heads", method, orientation.reason))
+        records.append(tables.not_adjusted(key, orientation.reason))
     else:
         synthetic = flight.synthetic_camera
         effect = {} if synthetic is None else _held_effect(heads, orientation, synthetic)
-        records.append(adjustments.of_relative_orientation("heads", method, orientation, **effect))
-    adjustments.write(results_path, "heads", records, flight=flight)
+        records.append(tables.of_relative_orientation(key, orientation, **effect))
+    provenance.write(results_path, "heads", records, flight=flight)
 
 
 def _held_effect(
@@ -81,7 +80,7 @@ def _held_effect(
     return {"held_effect_px": dict(zip(freed, rms, strict=True))}
 
 
-def _record(name: str, fit: Bundle) -> adjustments.Record:
+def _record(name: str, fit: Bundle) -> Record:
     """Return the record of a head, with its largest correlations in the summary."""
     key = f"heads/bundle/{name}"
     record = diagnosed.of_head(name, fit)

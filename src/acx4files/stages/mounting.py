@@ -8,10 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from acx4files.flight.reader import Flight
-from acx4files.results import adjustments, folder, provenance
-from acx4files.results.adjustments import mounted_block, read_carried
-from acx4files.results.earlier import ORIENTED
-from acx4files.results.read_back import read_relative_orientation
+from acx4files.results import folder, provenance
+from acx4files.results.read_back import (
+    ORIENTED,
+    mounted_block,
+    read_carried,
+    read_relative_orientation,
+)
 from acx4files.stages import diagnosed
 from acx4files.stages.order import rig_leads
 from acx4lib import shown
@@ -191,4 +194,4 @@ def write(
         mountings, applied=factors, over_ground=flight.validation is None
     )
     methods = METHODS if rig_leads(flight) else ()  # the rig has been written before
-    adjustments.write(results_path, "mounting", records, flight=flight, methods=methods)
+    provenance.write(results_path, "mounting", records, flight=flight, methods=methods)

@@ -10,13 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acx4files.flight.reader import Flight
-from acx4files.results import adjustments
-from acx4files.results.adjustments import (
-    Record,
-    of_left_out,
-    of_relative_orientation,
-)
-from acx4files.results.folder import messages
+from acx4files.results import provenance, tables
+from acx4files.results.folder import Record, messages
 from acx4files.stages.diagnosed import of_mounting
 from acx4files.stages.order import rig_leads
 from acx4lib import expected, shown
@@ -154,27 +149,27 @@ def write(flight: Flight, results_path: str | Path, stages: Sequence[RigStage]) 
     over_ground = "validation" not in flight.transferred
     for stage in stages:
         records = _records(stage, over_ground=over_ground)
-        adjustments.write(results_path, "mounting", records, flight=flight, methods=[stage.method])
+        provenance.write(results_path, "mounting", records, flight=flight, methods=[stage.method])
     if rig_leads(flight):
         oriented = _oriented(flight, stages[0])
-        adjustments.write(results_path, "heads", oriented, flight=flight)
+        provenance.write(results_path, "heads", oriented, flight=flight)
 
 
 def _oriented(flight: Flight, stage: RigStage) -> list[Record]:
     """Return the record of the rig's relative orientation, the first head as declared."""
     if stage.rig is None:
         return []
-    camera, method = flight.synthetic_camera, "relative_orientation"
+    camera, key = flight.synthetic_camera, "heads/relative_orientation"
     orientation = attempt(rig.relative_orientation, stage.rig, camera, as_declared=True)
     if isinstance(orientation, Failed):
-        return [of_left_out("heads", method, orientation.reason)]
-    return [of_relative_orientation("heads", method, orientation)]
+        return [tables.not_adjusted(key, orientation.reason)]
+    return [tables.of_relative_orientation(key, orientation)]
 
 
 def _records(stage: RigStage, *, over_ground: bool) -> list[Record]:
     """Return the records of a rig for a results folder, a failure included."""
     if stage.rig is None:
-        return [of_left_out("mounting", stage.method, stage.left_out)]
+        return [tables.not_adjusted(f"mounting/{stage.method}", stage.left_out)]
     record = of_mounting(stage.rig, over_ground=over_ground)
     ((key, entry),) = record.summary.items()
     notes = [*messages(entry, "notes"), *(f"{key}: {note}" for note in _notes(stage))]

@@ -10,13 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acx4files.flight.reader import Flight
-from acx4files.results import adjustments, folder, provenance
-from acx4files.results.adjustments import (
-    Record,
-    of_left_out,
-    of_relative_orientation,
-    of_transferred,
-)
+from acx4files.results import folder, provenance, tables
+from acx4files.results.folder import Record
 from acx4files.results.read_back import read_relative_orientation
 from acx4files.stages.pictures import FoundTies, find, read_pictures
 from acx4lib import shown
@@ -250,16 +245,16 @@ def write(
     transferred : mapping of str to TransferredPoints
         By block; empty where the flight is measured in synthetic images.
     """
-    points = [of_transferred(flight, transferred)] if transferred else []
+    points = [tables.of_transferred(flight, transferred)] if transferred else []
     rows = [*_records(refinement), *points]
-    adjustments.write(results_path, "synthetic", rows, flight=flight)
+    provenance.write(results_path, "synthetic", rows, flight=flight)
 
 
 def _records(refinement: Refinement) -> list[Record]:
     """Return the records of the stage for a results folder."""
     reason = refinement.reasons.get("rotations")
     if reason is not None:
-        return [of_left_out("synthetic", "refined", reason)]
+        return [tables.not_adjusted("synthetic/refined", reason)]
     fit = refinement.fits["rotations"]
     n_turned = len(refinement.orientation.heads) - 1 - len(fit.unreached)
     n_observations, n_unknowns = 2 * len(refinement.kept), 3 * n_turned
@@ -272,4 +267,4 @@ def _records(refinement: Refinement) -> list[Record]:
         "n_rejected": int(fit.rejected.sum()),
         **({"notes": [f"synthetic/refined: {note}" for note in notes]} if notes else {}),
     }
-    return [of_relative_orientation("synthetic", "refined", refinement.orientation, **entries)]
+    return [tables.of_relative_orientation("synthetic/refined", refinement.orientation, **entries)]

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from acx4files.flight.reader import Flight
-from acx4files.results import adjustments, earlier, folder, provenance, read_back
-from acx4files.results.adjustments import Record, mounted_block
-from acx4files.results.earlier import Earlier
+from acx4files.results import folder, provenance, read_back, sentences, tables
+from acx4files.results.folder import Record
+from acx4files.results.read_back import Earlier, calibrated, mounted_block, rigs_for
 from acx4files.stages.diagnosed import of_validations
 from acx4lib.attempts import attempt
 from acx4lib.block import Block
 from acx4lib.calibration.estimates import Calibration, features
-from acx4lib.georeferencing.validation import Validation, predict, validate
+from acx4lib.georeferencing.validation import Prediction, Validation, predict, validate
 from acx4lib.shown import ByName
 
 
@@ -109,7 +109,9 @@ def calibrated_rigs(
 
 def whose(flight: Flight, calibration_path: str | Path) -> str:
     """Return a sentence on the earlier flight whose calibrations are validated; empty without."""
-    return earlier.read(calibration_path, flight).sentence if str(calibration_path) else ""
+    return (
+        read_back.read_earlier(calibration_path, flight).sentence if str(calibration_path) else ""
+    )
 
 
 class _Before(NamedTuple):
@@ -126,10 +128,10 @@ def _before(flight: Flight, results_path: str | Path, calibration_path: str | Pa
     in_heads = "validation" in flight.transferred
     heads = flight.block("validation")
     if str(calibration_path):
-        given = earlier.read(calibration_path, flight)
-        block = given.block(flight)
-        rigs = given.rigs(heads) if in_heads else {}
-        return _Before(block, given.calibrations(block), rigs, given)
+        given = read_back.read_earlier(calibration_path, flight)
+        block, found = given.block(flight), given.run.found
+        rigs = rigs_for(found, given.declared(heads)) if in_heads else {}
+        return _Before(block, calibrated(found, given.declared(block)), rigs, given)
     needed = {"synthetic": in_heads, "mounting": bool(flight.calibration)}
     stages = [stage for stage, is_needed in needed.items() if is_needed]
     found = provenance.results_before(results_path, stages, flight)
@@ -170,7 +172,7 @@ def write(
     calibration_path : path, optional
         Results of the earlier flight whose calibrations they are.
     """
-    before = earlier.read(calibration_path, flight) if str(calibration_path) else None
+    before = read_back.read_earlier(calibration_path, flight) if str(calibration_path) else None
     records = _records(flight, list(validations.values()), calibrations)
     _write(flight, results_path, records, before)
 
@@ -202,7 +204,12 @@ def _with_prediction(
         flight.heads_model,
         method=validation.method,
     )
-    return adjustments.with_prediction(record, prediction)
+    entries, said = {}, f"exposures are not predicted: {getattr(prediction, 'reason', '')}"
+    if isinstance(prediction, Prediction):
+        entries, said = tables.prediction_entries(prediction), sentences.prediction(prediction)
+    ((key, entry),) = record.summary.items()
+    notes = [*folder.messages(entry, "notes"), f"{key}: {said}"]
+    return replace(record, summary={key: {**entry, **entries, "notes": notes}})
 
 
 def _write(
@@ -219,7 +226,7 @@ def _write(
         records = [
             _named(record, origin, note) for record, note in zip(records, notes, strict=True)
         ]
-    adjustments.write(results_path, "validation", records, flight=flight, calibration=origin)
+    provenance.write(results_path, "validation", records, flight=flight, calibration=origin)
 
 
 def _named(record: Record, origin: Mapping[str, object], notes: Sequence[str]) -> Record:

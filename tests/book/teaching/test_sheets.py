@@ -48,7 +48,7 @@ def test_fewer_strips_are_a_flight_with_fewer_rows(key, solved):
     }
     case = flights.case_of(replace(flight, tables=fewer))
     single = calibrate(case.flight).mountings["single_step"].calibration
-    sigma = tables.parameters(single).set_index("parameter")["sigma"]
+    sigma = tables.calibration_tables(single)["parameters"].set_index("parameter")["sigma"]
     _, right = solved("lab-8", "Ada")
     for name in ("f_mm", "lever_x_m", "lever_z_m"):
         assert right[f"sigma_one_height_{name}"].value == pytest.approx(sigma[name], rel=1e-6)

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 import acx4sim
 from acx4files import flight as flights
 from acx4files.results import folder, read_back
-from acx4files.results.adjustments import mounted_block
+from acx4files.results.read_back import mounted_block
 from acx4files.stages import heads, mounting, order, rig, synthetic, validation
 from acx4lib.block import select_cameras
 from acx4lib.calibration.estimates import reported_covariance

@@ -233,11 +233,11 @@ def test_a_folder_without_a_project_is_told(tmp_path, program):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda d: d["accessors"][0].update(count=10), "accessors.0: 120 bytes from 0 of 108"),
-        (lambda d: d["accessors"][3].update(type="VEC3"), "must be 2 values of kind 'f'"),
-        (lambda d: d["accessors"][1].update(count=8), "does not fit to its points and matches"),
-        (lambda d: d["bufferViews"][1].update(byteOffset=-4), "must be complete"),
-        (lambda d: d["nodes"][0].update(mesh=7), "meshes: 7 is missing; required"),
+        (lambda d: d["accessors"][0].update(count=10), "mmap length is greater"),
+        (lambda d: d["accessors"][3].update(type="VEC3"), "pyopf cannot read it"),
+        (lambda d: d["accessors"][1].update(count=8), "are not as many"),
+        (lambda d: d["bufferViews"][1].update(byteOffset=-4), "pyopf cannot read it"),
+        (lambda d: d["nodes"][0].update(mesh=7), "index out of range; must be tie points"),
     ],
 )
 def test_tie_points_of_opf_that_do_not_fit_are_told(tmp_path, change, message):

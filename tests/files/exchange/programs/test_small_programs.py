@@ -19,7 +19,7 @@ IDEAL = np.array([[0.0, 0.0], [0.4, -0.3], [-0.45, 0.35], [0.1, 0.2]])
 
 
 def test_a_lens_is_that_of_the_formulas(tmp_path):
-    lens = micmac.project(written_micmac.mmvii_write(tmp_path)).lenses["C"]
+    lens = micmac.read_project(written_micmac.mmvii_write(tmp_path)).lenses["C"]
     assert_allclose(lens.colrow(IDEAL), written_micmac.mmvii_seen(IDEAL), atol=1e-9)
     assert_allclose(lens.ideal(written_micmac.mmvii_seen(IDEAL)), IDEAL, atol=1e-9)
 
@@ -61,7 +61,7 @@ def folder(tmp_path):
 
 
 def test_points_are_where_opencv_sees_them(folder):
-    found = pix4d.project(folder)
+    found = pix4d.read_project(folder)
     lens, T = found.lenses["CAM"], found.images.T_w_c
     for k, (R, centre) in enumerate(zip(*written_pix4d.poses(), strict=True)):
         pixels = scene.seen(R.T, centre, POINTS_PIX4D) - 0.5
