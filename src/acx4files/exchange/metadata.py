@@ -9,7 +9,7 @@ import struct
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -570,10 +570,9 @@ def lens_of(tags: Tags, name: str, *, known_pixel_mm: float | None = None) -> Le
     pixel = _pixel_mm(tags) or known_pixel_mm
     shape, said, f_px = (_fisheye if model == "fisheye" else _perspective)(tags, pixel)
     f_mm = tags.number("FocalLength")
-    try:  # without the size of a pixel: by the focal lengths, or 1 um where nothing says it
+    with safe.told(partial(tags.wrong, "lens"), "must be one of a camera"):
+        # without the size of a pixel: by the focal lengths, or 1 um where nothing says it
         camera, left = shape.nearest(name, pixel or (f_mm / f_px if f_mm and f_px else 1e-3))
-    except (ValueError, ArithmeticError) as error:
-        raise tags.wrong("lens", str(error), "must be one of a camera") from None
     numbers = {key: float(f"{value:.12g}") for key, value in vars(camera.interior).items()}
     interior = replace(camera.interior, **numbers)  # digits that mean something
     return Lens(camera=camera.with_interior(interior), said=said, fitted=left)
@@ -638,10 +637,8 @@ def _perspective(tags: Tags, pixel: float | None) -> tuple[lens.Lens, str, float
     else:
         designed, said = _nominal(tags, pixel)
         matrix = (designed, designed, col, row)
-    try:
+    with safe.told(partial(tags.wrong, "lens"), "must be one of a camera"):
         hole = Pinhole(**dict(zip(("fx", "fy", "cx", "cy"), matrix, strict=True)))
-    except ValueError as error:
-        raise tags.wrong("lens", str(error), "must be one of a camera") from None
     shape = lens.Lens(
         width_px=tags.width_px,
         height_px=tags.height_px,
@@ -676,9 +673,6 @@ def _fisheye(tags: Tags, pixel: float | None) -> tuple[lens.Lens, str, float]:
     c, d, e, f = matrix
     if len(p) < 2 or p[0] != 0 or p[1] <= 0:
         raise tags.wrong(POLYNOMIAL, quoted(list(p)), "must be 0, a positive number, and others")
-    if c <= 0 or f <= 0 or c * f - d * e <= 0:
-        expected = "must be C, D, E, F with positive C and F"
-        raise tags.wrong(MATRIX, quoted([c, d, e, f]), expected)
     shape = lens.fisheye(
         p,
         (c, d, e, f),

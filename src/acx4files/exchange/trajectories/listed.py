@@ -177,17 +177,12 @@ class Listed:
 
     @property
     def said(self) -> str:
-        """Which columns it has, and by what."""
+        """Which columns it has, and by what; its encoding, and its decimal commas."""
         by = "declaration" if self.declared else "its heading"
-        return f"The columns, by {by}, are: {' '.join(column.name for column in self.columns)}"
-
-    @property
-    def text_said(self) -> tuple[str, ...]:
-        """Sentences on the encoding of the text, and on its decimal commas."""
-        return (
-            *(["The text is in Windows-1252: it is not UTF-8."] if self.source.encoding else []),
-            *(["Its numbers have decimal commas."] if self.commas else []),
-        )
+        names = " ".join(column.name for column in self.columns)
+        encoding = " The text is in Windows-1252: it is not UTF-8." * bool(self.source.encoding)
+        commas = " Its numbers have decimal commas." * self.commas
+        return f"The columns, by {by}, are: {names}.{encoding}{commas}"
 
     def left_out(self, what: str, known: Mapping[str, str] = KNOWN) -> tuple[str, ...]:
         """Return sentences on unread lines and columns; `what` is the noun for those read."""
