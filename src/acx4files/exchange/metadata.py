@@ -293,9 +293,7 @@ def time_of(tags: Tags) -> dt.datetime | None:
     except ValueError:
         expected = "must be a time as 2023:10:14 11:48:22"
         raise tags.wrong("DateTimeOriginal", quoted(text), expected) from None
-    sign = -1 if part.startswith("-") else 1  # MicaSense's firmware writes such parts
-    part = part.lstrip("-")
-    return time + sign * dt.timedelta(seconds=float(f"0.{part}") if part.isdigit() else 0.0)
+    return time + dt.timedelta(seconds=float(f"0.{part}") if part.isdigit() else 0.0)
 
 
 def place_of(tags: Tags) -> tuple[float, float, float] | None:
@@ -511,7 +509,6 @@ FOCAL, UNITS = "Camera:PerspectiveFocalLength", "Camera:PerspectiveFocalLengthUn
 POINT, DISTORTION = "Camera:PrincipalPoint", "Camera:PerspectiveDistortion"
 DEWARP, DESIGNED = "drone-dji:DewarpData", "drone-dji:CalibratedFocalLength"
 POLYNOMIAL, MATRIX = "Camera:FisheyePolynomial", "Camera:FisheyeAffineMatrix"
-CENTRE = ("drone-dji:CalibratedOpticalCenterX", "drone-dji:CalibratedOpticalCenterY")
 RESOLUTION, RESOLUTION_UNIT = "FocalPlaneXResolution", "FocalPlaneResolutionUnit"
 WIDTH_35_MM = 36.0
 PX_OF_WIDTH = 0.1
@@ -628,11 +625,7 @@ def _perspective(tags: Tags, pixel: float | None) -> tuple[lens.Lens, str, float
         unit = "px" if f == tags.numbers(FOCAL)[0] else "mm"
         said = f"focal length in {unit}, principal point and distortion from XMP, {FOCAL}"
     elif designed:
-        cx, cy = (
-            middle if (centre := tags.number(key)) is None else centre - 0.5
-            for key, middle in zip(CENTRE, (col, row), strict=True)
-        )
-        matrix = (designed, designed, cx, cy)
+        matrix = (designed, designed, col, row)
         said = f"designed focal length from XMP, {DESIGNED}, no distortion"
     else:
         designed, said = _nominal(tags, pixel)

@@ -346,13 +346,18 @@ def read(  # noqa: PLR0913 options of a command
         source=origin,
         sha256=safe.checksums([text]),
         assumed=(
-            f"{listed.said} x counts east, y north{'' if names else '; exposures are numbered'}.",
+            f"{listed.said} {_axes_said(listed)}{'' if names else '; exposures are numbered'}.",
             *_attitudes_said(listed, meaning, forms[0], whose),
             heights_said(meaning),
         ),
         found=(*_found(listed, meaning, forms[0]), *says),
         left_out=listed.left_out("orientation"),
     )
+
+
+def _axes_said(listed: Listed) -> str:
+    datum = "; latitude and longitude are of the datum of the flight's CRS"
+    return f"x counts east, y north{datum if listed.has(*LONLAT) else ''}"
 
 
 def _attitudes_said(
@@ -640,7 +645,7 @@ def surveyed(
         tables={"control_points.csv": table},
         pictures=grid_file(meaning),
         assumed=(
-            f"{listed.said} x counts east, y north.",
+            f"{listed.said} {_axes_said(listed)}.",
             heights_said(meaning),
         ),
         found=(
