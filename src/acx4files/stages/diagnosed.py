@@ -13,6 +13,7 @@ from acx4lib.bundle import variance_components
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.variance_components import BOUNDS, Component
 from acx4lib.calibration import common_errors, determination, diagnosis, held, trajectory_errors
+from acx4lib.calibration.determination import interior_exterior, largest_pairs
 from acx4lib.calibration.diagnosis import Diagnosis
 from acx4lib.calibration.estimates import (
     LIMIT_SCALE,
@@ -43,7 +44,11 @@ OPTIONAL = (*TWO_STEP, *RIGS)
 def of_head(name: str, bundle: Bundle) -> Record:
     """Return the record of a head that was adjusted by itself."""
     key, of_bundle = f"heads/bundle/{name}", diagnosis.of(bundle)
-    entry = {**_entries(key, "bundle", of_bundle), **_held_entries(held.of_bundle(bundle))}
+    entry = {
+        **_entries(key, "bundle", of_bundle),
+        **_held_entries(held.of_bundle(bundle)),
+        "largest_correlations": {**largest_pairs(interior_exterior(bundle))},
+    }
     return tables.of_bundle(key, bundle, of_bundle.calibration, entry)
 
 

@@ -81,18 +81,15 @@ def mounting_by_hand(flight, results):
 
 
 def rigs_by_hand(flight, results):
-    stages = []
+    rigs = {}
     for method in ("rig", "rig_calibration"):
         block = rig.measured(flight, method)
-        found = attempt(calibrate_rig, block, Model(free=flight.estimate_heads))
-        stages.append(rig.gathered(block, found, method))
-    rig.write(flight, results, stages)
+        rigs[method] = attempt(calibrate_rig, block, Model(free=flight.estimate_heads))
+    rig.write(flight, results, rigs)
 
 
 def validation_by_hand(flight, results):
-    block = validation.measured(flight, results)
-    methods = validation.calibrations(flight, results)
-    rigs = validation.calibrated_rigs(flight, results)
+    block, methods, rigs, _ = validation.read(flight, results)
     found = {name: validate(block, one, method=name) for name, one in methods.items()}
     in_heads = {name: validate(flight.validation, one, method=name) for name, one in rigs.items()}
     validation.write(flight, results, {**found, **in_heads}, {**methods, **rigs})
