@@ -18,7 +18,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from acx4files.images.image_files import fingerprint
+from acx4files.images.head_images import fingerprint
 from acx4files.measuring.views import Surface, View, pixels_of_view, transferred
 from acx4files.results import whole_files
 from acx4lib import expected

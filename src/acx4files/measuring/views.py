@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from acx4files.images.image_files import image_from_file, is_whole
+from acx4files.images.head_images import image_from_file, is_whole
 from acx4lib import expected
 from acx4lib.block import Block
 from acx4lib.errors import FlightError

@@ -509,7 +509,7 @@ def prediction_entries(prediction: Prediction) -> dict[str, object]:
     solution = prediction.bundle.solution
     return {
         "rays_rms_px": prediction.rays_rms_px,
-        "position_rms_m": prediction.position_rms_m,
+        "position_rms_m": list(prediction.position_rms_m),
         "n_exposures": len(prediction.bundle.network.block.trajectory),
         "n_observations": solution.n_observations,
         "n_unknowns": solution.n_unknowns,

@@ -7,29 +7,26 @@ from dataclasses import asdict
 
 import numpy as np
 
-from acx4files.results import tables
+from acx4files.results import sentences, tables
 from acx4files.results.folder import Record
 from acx4lib.bundle import variance_components
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.variance_components import BOUNDS, Component
-from acx4lib.calibration import common_errors, determination, diagnosis, held, trajectory_errors
+from acx4lib.calibration import diagnosis, held
 from acx4lib.calibration.determination import interior_exterior, largest_pairs
-from acx4lib.calibration.diagnosis import Diagnosis
+from acx4lib.calibration.diagnosis import Diagnosis, Weak
 from acx4lib.calibration.estimates import (
     LIMIT_SCALE,
     RIGS,
     SIGMAS_OF_SCALE,
     TWO_STEP,
     Calibration,
-    not_determined,
-    rough_boresights,
 )
 from acx4lib.calibration.held import ONE_SIGMA, Held
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.calibration.stability import Turns
-from acx4lib.georeferencing import freed, weak
+from acx4lib.georeferencing import budget
 from acx4lib.georeferencing.validation import Validation
-from acx4lib.georeferencing.weak import Weak
 
 MANY_REJECTED = 0.005
 """Share of rejected image points above which a user is warned; chance rejects 1/20 of it."""
@@ -74,10 +71,11 @@ def of_mounting(
         **_weak_entries(key, mounting.method, found, over_ground=over_ground),
         **_held_entries(tested),
     }
-    moved = freed.on_ground(mounting, tested) if mounting.by_bundle is None else None
+    moved = budget.displacement(mounting, tested) if mounting.by_bundle is None else None
     if moved is not None:
-        entry["held_effect_m"] = moved.largest_m.tolist()
-        entry["held_effect_sigma"] = moved.largest_sigma.tolist()
+        d, sigma = moved
+        entry["held_effect_m"] = np.abs(d).max(axis=0).tolist()
+        entry["held_effect_sigma"] = np.abs(d / sigma).max(axis=0).tolist()
     return tables.of_bundle(key, mounting.bundle, mounting.calibration, entry)
 
 
@@ -128,8 +126,8 @@ def of_validations(
         entry: dict[str, object] = {}
         calibration = (calibrations or {}).get(validation.method)
         if calibration and validation.method not in TWO_STEP and not validation.stopped:
-            shares = weak.shares(validation.points.sources, calibration)
-            found = weak.of_calibration(calibration, shares)
+            shares = budget.parameter_shares(validation.points.sources, calibration)
+            found = diagnosis.of_shares(calibration, shares)
             key = f"validation/{validation.method}"
             entry = _entries_of_weak(key, found, features, late=late)
         records.append(tables.of_validation(validation, entry))
@@ -146,8 +144,8 @@ def _entries(key: str, method: str, found: Diagnosis) -> dict[str, object]:
     unknown = [
         f"{key}: {line}"
         for line in (
-            *not_determined(calibration, found.features),
-            *trajectory_errors.not_determined(bundle),
+            *sentences.not_determined(calibration, found.features),
+            *sentences.trajectory_not_determined(bundle),
         )
         if not bundle.stopped
     ]
@@ -183,16 +181,20 @@ def _declared_entries(key: str, method: str, found: Diagnosis) -> dict[str, obje
     return {
         "declared": {
             f"{c.camera}/{c.part.replace(' ', '_')}": {
-                "difference": list(c.difference),
+                "difference": np.where(c.declared, c.difference, np.nan).tolist(),
                 "p": c.p,
-                "confirmed": not c.objection,
-                "told": c.statement,
-                "mistake": c.mistake,
+                "confirmed": c.confirmed,
+                "told": sentences.difference(c),
+                "mistake": sentences.mistake(c),
             }
             for c in declared
         },
-        "not_confirmed": [f"{key}: {c.sentence}" for c in declared if c.objection],
-        "approximations": [f"{key}: {c.remark}" for c in declared if c.remark],
+        "not_confirmed": [
+            f"{key}: {sentences.not_confirmed(c)}" for c in declared if not c.confirmed
+        ],
+        "approximations": [
+            f"{key}: {line}" for c in declared if (line := sentences.approximation(c))
+        ],
     }
 
 
@@ -221,19 +223,17 @@ def _weak_entries(
     bundle, calibration = found.bundle, found.calibration
     if bundle.stopped or method in TWO_STEP:
         return {}
-    weak_parameters = weak.of_bundle(bundle, calibration)
-    if over_ground:
-        shares = weak.shares_at_corners(calibration, bundle.network.block)
-        weak_parameters += weak.of_calibration(calibration, shares, of=weak.CORNERS)
+    block = bundle.network.block
+    shares = budget.shares_at_corners(calibration, block) if over_ground else None
     late = bool(bundle.network.layout.delay[0] >= 0)
-    return _entries_of_weak(key, weak.together(weak_parameters), found.features, late=late)
+    return _entries_of_weak(key, found.weak(shares), found.features, late=late)
 
 
 def _entries_of_weak(
     key: str, weak_parameters: Sequence[Weak], has: frozenset[str], *, late: bool
 ) -> dict[str, object]:
     return {
-        "weak": [f"{key}: {line}" for line in weak.sentences(weak_parameters, has, late=late)],
+        "weak": [f"{key}: {line}" for line in sentences.weak(weak_parameters, has, late=late)],
         "weak_parameters": {
             entry.parameter.full_name: {
                 "sigma": entry.parameter.sigma,
@@ -278,11 +278,11 @@ def _notes(method: str, found: Diagnosis) -> list[str]:
     left_out = bundle.network.left_out.items()
     notes = [f"{n} tie point{'s' * (n > 1)} {reason} left out" for reason, n in left_out]
     of_sigma = (
-        rough_boresights(calibration),
-        common_errors.enlarged_sentence(calibration),
-        common_errors.turned_sentence(calibration.turns),
+        sentences.rough_boresights(calibration),
+        sentences.enlarged(calibration),
+        sentences.turned(calibration.turns),
     )
-    notes += filter(None, (determination.beyond_precision(bundle), *of_sigma))
+    notes += filter(None, (sentences.beyond_precision(bundle), *of_sigma))
     n_measured = len(bundle.network.block.image_points)
     n_rejected = sum(r.kind == "image_point" for r in bundle.rejected)
     # the two-step methods take over the rejections of the single step, which has the note
@@ -296,5 +296,5 @@ def _notes(method: str, found: Diagnosis) -> list[str]:
         )
     by_course = found.by_course
     if by_course is not None and by_course.differs:
-        notes.append(by_course.sentence)
-    return [*notes, *trajectory_errors.notes(bundle)]
+        notes.append(sentences.by_course(by_course))
+    return [*notes, *sentences.on_trajectory(bundle)]

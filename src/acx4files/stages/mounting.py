@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 from acx4files.flight.reader import Flight
 from acx4files.results import folder, provenance
@@ -43,8 +45,9 @@ def run(flight: Flight, results_path: str | Path) -> Mountings:
     block, factors = mounting.weighted(
         measured(flight, results_path), flight.model, weights=flight.weights
     )
-    outcomes = mounting.outcomes(block, flight.model)
-    found = mounting.together([with_heads(flight, results_path, one) for one in outcomes])
+    found = mounting.calibrate(block, flight.model)
+    methods = {n: with_heads(flight, results_path, m) for n, m in found.methods.items()}
+    found = replace(found, methods=methods)
     write(flight, results_path, found, factors)
     return found
 
@@ -88,9 +91,10 @@ def measured(flight: Flight, results_path: str | Path) -> Block:
     return mounted_block(flight, "calibration", found)
 
 
-def with_heads(
-    flight: Flight, results_path: str | Path, outcome: Mounting | Failed
-) -> Mounting | Failed:
+Outcome = TypeVar("Outcome", Mounting, Failed)
+
+
+def with_heads(flight: Flight, results_path: str | Path, outcome: Outcome) -> Outcome:
     """Return a method's outcome with standard deviations that include errors of the heads.
 
     It is returned unchanged where it failed, where the block is not measured in heads, and where

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from acx4files.flight.reader import Flight
-from acx4files.results import provenance, tables
+from acx4files.results import provenance, sentences, tables
 from acx4files.results.folder import Record
 from acx4files.results.read_back import (
     Earlier,
@@ -149,5 +149,7 @@ def _with_prediction(
         return record
     found = attempt(predict, block, calibration, flight.heads_model, method=validation.method)
     if isinstance(found, Prediction):
-        return tables.extended(record, tables.prediction_entries(found), [found.sentence])
+        return tables.extended(
+            record, tables.prediction_entries(found), [sentences.prediction(found)]
+        )
     return tables.extended(record, {}, [f"exposures are not predicted: {found.reason}"])

@@ -21,8 +21,9 @@ from acx4lib.calibration.estimates import (
     LIMIT_BORESIGHT_DEG,
     LIMIT_LEVER_M,
     Calibration,
+    Parameter,
     features,
-    not_determined,
+    undetermined,
 )
 from acx4lib.calibration.heads import RelativeOrientation, ground_scale
 from acx4lib.calibration.mounting import Mounting, single_step
@@ -64,24 +65,19 @@ def calibrate(block: Block, model: Model, *, step: Step = single_step) -> Mounti
     AdjustmentError
         Where it does not converge.
     """
+    free = tuple(dict.fromkeys(("f", *model.free)))
+    names = [free] if "f" in model.free else [free, tuple(model.free)]
+    parts = ((), model.fix) if model.fix else ((),)
     outcomes: list[Mounting | Failed] = []
-    for trial in _holding(model):
+    for trial in (replace(model, free=one, fix=fix) for one in names for fix in parts):
         rig = attempt(_adjusted, step, block, trial)
-        if isinstance(rig, Mounting) and not not_determined(rig.calibration):
+        if isinstance(rig, Mounting) and not undetermined(rig.calibration):
             return rig
         outcomes.append(rig)
     outcome = next((candidate for candidate in outcomes if candidate), outcomes[0])
     if isinstance(outcome, Failed):
         raise outcome.error
     return outcome
-
-
-def _holding(model: Model) -> list[Model]:
-    """Return the models in the order in which they are tried until all is determined."""
-    free = tuple(dict.fromkeys(("f", *model.free)))
-    names = [free] if "f" in model.free else [free, tuple(model.free)]
-    parts = ((), model.fix) if model.fix else ((),)
-    return [replace(model, free=one, fix=fix) for one in names for fix in parts]
 
 
 def _adjusted(step: Step, block: Block, model: Model) -> Mounting:
@@ -224,10 +220,11 @@ def relative_orientation(
     if synthetic is None:
         raise AdjustmentError("flight.toml has no table [synthetic]")
     calibration = rig.calibration
-    if not weak and (sentences := _open(calibration)):
-        others = f"; so are {len(sentences) - 1} others" if len(sentences) > 1 else ""
-        raise AdjustmentError(f"{sentences[0]}{others}")
-    heads, n = calibration.cameras, len(calibration.cameras)
+    if not weak and (open_ones := _open(calibration)):
+        first, others = open_ones[0], len(open_ones) - 1
+        so_are = f"; so are {others} others" if others else ""
+        raise AdjustmentError(f"{first.camera} {first.name} is not determined{so_are}")
+    heads = calibration.cameras
     scale = image_scale(rig)
     R_s_b = synthetic.T_b_c.R.T
     T_b_h = mountings(heads)
@@ -241,10 +238,8 @@ def relative_orientation(
         _less_first(J, T_b_h.R)
     columns = np.hstack([calibration.layout.interior, calibration.layout.mount]).ravel()
     estimated = columns >= 0
-    cov = np.zeros((16 * n, 16 * n))
-    cov[np.ix_(estimated, estimated)] = calibration.cov[
-        np.ix_(columns[estimated], columns[estimated])
-    ]
+    J = J[:, estimated]
+    cov = calibration.cov[np.ix_(columns[estimated], columns[estimated])]
     return RelativeOrientation(
         heads=heads,
         xyz_mm=xyz,
@@ -255,21 +250,21 @@ def relative_orientation(
     )
 
 
-def _open(calibration: Calibration) -> list[str]:
-    """Return sentences on undetermined parameters; a common change of all mountings may be open."""
-    sentences, columns = not_determined(calibration), calibration.layout
+def _open(calibration: Calibration) -> list[Parameter]:
+    """Return undetermined parameters; a common change of all mountings may be open."""
+    open_ones, columns = undetermined(calibration), calibration.layout
     _, between, T = between_heads(calibration, columns)
-    if not sentences or not len(between) or calibration.open_columns.any():
-        return sentences
+    if not open_ones or not len(between) or calibration.open_columns.any():
+        return open_ones
     sigma = np.sqrt(calibration.sigma0_sq) * sigmas(propagate(T[between], calibration.cov))
     turns = np.isin(between, columns.mount[:, 3:])
     if np.any(sigma > np.where(turns, np.radians(LIMIT_BORESIGHT_DEG), LIMIT_LEVER_M)):
-        return sentences
+        return open_ones
     mounted = columns.mount[columns.mount >= 0]
     lens_columns = np.setdiff1d(np.arange(len(T)), mounted)
     of_lenses = calibration.cov[np.ix_(lens_columns, lens_columns)]
     layout, is_open = holding(columns, mounted), calibration.open_columns[lens_columns]
-    return not_determined(replace(calibration, layout=layout, cov=of_lenses, open_columns=is_open))
+    return undetermined(replace(calibration, layout=layout, cov=of_lenses, open_columns=is_open))
 
 
 def _less_first(J: Array, R_b_h: Array) -> None:

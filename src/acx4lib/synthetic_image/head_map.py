@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mmap
 from dataclasses import dataclass, replace
 
 import cv2
@@ -246,25 +245,3 @@ def _around_seen(nodes: Array) -> tuple[slice, slice]:
 def _n_nodes(n_px: int, step_px: int) -> int:
     """Return the number of nodes that enclose a line of pixels."""
     return -(-n_px // step_px) + 1
-
-
-# --- Images mapped from their files: memory of pixels that were read can be given back
-
-
-def mapped_file(image: np.ndarray) -> mmap.mmap | None:
-    """Return the file mapping of an image; None for an image in memory."""
-    base: object = image
-    while isinstance(base, np.ndarray | memoryview):
-        base = base.base if isinstance(base, np.ndarray) else base.obj
-    return base if isinstance(base, mmap.mmap) else None
-
-
-def forget(image: np.ndarray) -> None:
-    """Release the memory of mapped pixels; they are read again when needed.
-
-    An image in memory is not changed. The images of four aerial heads are too large to be held in
-    memory during rendering.
-    """
-    mapped = mapped_file(image)
-    if mapped is not None and hasattr(mmap, "MADV_DONTNEED"):
-        mapped.madvise(mmap.MADV_DONTNEED)

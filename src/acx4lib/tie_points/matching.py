@@ -20,8 +20,8 @@ from acx4lib.synthetic_image.frame import (
     reduced_camera,
     reduced_heads,
 )
-from acx4lib.synthetic_image.head_map import HeadMap, forget, window_map
-from acx4lib.tie_points.compiled import mean_of_bands, sample_between_nodes, weakest_gradients
+from acx4lib.synthetic_image.head_map import HeadMap, window_map
+from acx4lib.tie_points.compiled import sample_between_nodes
 from acx4lib.tie_points.least_squares_matching import REACH, correlate, match, spline_coefficients
 
 TILE_PX = 1024  # small enough for the memory and for the processor's cache
@@ -160,11 +160,7 @@ def match_overlap(task: OverlapTask) -> OverlapMatches:
 
 
 def _match_part(task: OverlapTask, part: SyntheticWindow) -> OverlapMatches:
-    matches = _match_corners(task, _tile(task, part))
-    if part[3] >= task.shared.window[3]:  # the next part lies below, in other rows of pixels
-        for k in (task.shared.head_a, task.shared.head_b):
-            forget(task.images[k])
-    return matches
+    return _match_corners(task, _tile(task, part))
 
 
 def _joined(task: OverlapTask, parts: Sequence[OverlapMatches]) -> OverlapMatches:
@@ -260,7 +256,7 @@ def _match_corners(task: OverlapTask, tile: _Tile) -> OverlapMatches:
     options = task.options
     half = options.window_px // 2
     corners, n_cells = _corners(task, tile)
-    textured = _has_texture(task, tile.a, corners)
+    textured = _has_texture(task, np.nan_to_num(tile.a), corners)
     corners = corners[textured]
     near = corners + shift_at(task.shift, corners + tile.first_a) + tile.first_a - tile.first_b
     correlated, coefficient = correlate(
@@ -292,9 +288,11 @@ def _corners(task: OverlapTask, tile: _Tile) -> tuple[Index, int]:
 
 def _has_texture(task: OverlapTask, grey: Array, corners: Index) -> Mask:
     """Tell where grey values change by more than noise in every direction."""
-    weakest = weakest_gradients(grey, corners.astype(np.int64), task.options.window_px // 2)
+    col, row = corners.T
+    squares = cv2.cornerMinEigenVal(grey, task.options.window_px, ksize=1)
+    weakest = squares[row, col] / 4  # a derivative is half the difference of two pixels
     # central differences of white noise have half its variance; interpolation reduces it
-    by_noise = task.noise * np.maximum(grey[corners[:, 1], corners[:, 0]], 1) / 2
+    by_noise = task.noise * np.maximum(grey[row, col], 1) / 2
     return weakest >= task.options.least_texture * by_noise
 
 
@@ -533,9 +531,9 @@ def _depths(
 
 def grey(image: np.ndarray) -> Array:
     """Return the mean of an image's bands, shape (rows, cols), float32."""
-    out = np.empty(image.shape[:2], np.float32)
-    mean_of_bands(image, out)
-    return out
+    bands = image.shape[2]
+    share = np.full((1, bands), 1 / bands, np.float32)
+    return np.asarray(cv2.transform(image.astype(np.float32), share), np.float32)
 
 
 def grey_window(
@@ -637,5 +635,4 @@ def _reduced_grey(image: np.ndarray, camera: Camera, factor: int) -> Array:
         part = image[row + factor * start : row + factor * stop, col : col + size[1]]
         small = cv2.resize(part, (out.shape[1], stop - start), interpolation=cv2.INTER_AREA)
         out[start:stop] = grey(small.reshape(*small.shape[:2], -1))
-    forget(image)
     return out

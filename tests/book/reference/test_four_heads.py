@@ -6,8 +6,8 @@ import pytest
 
 from acx4book.reference import four_heads
 from acx4files.flight import reader
+from acx4files.results.sentences import not_determined
 from acx4lib.block import select_images
-from acx4lib.calibration.estimates import not_determined
 from acx4lib.calibration.mounting import single_step
 from acx4lib.calibration.rig import relative_orientation
 from acx4lib.georeferencing.validation import predict

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from acx4files import flight
 from acx4files.exchange import coordinates, flight_folder
 from acx4files.exchange.flight_folder import ImportedFlight
-from acx4files.exchange.opencv import from_opencv, to_opencv
+from acx4files.exchange.opencv import to_opencv
 from acx4files.exchange.project import (
     first_use,
     image_points,
@@ -22,7 +22,7 @@ from acx4files.exchange.project import (
     without_doubles,
 )
 from acx4lib.errors import FlightError, OutputError
-from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
+from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose
 
@@ -402,44 +402,3 @@ def test_a_camera_without_distortion_is_the_same_to_opencv():
     assert_allclose(
         seen_by_opencv(found, ahead(plain)), project(plain, LEVEL, ahead(plain)), atol=1e-8
     )
-
-
-def test_a_camera_comes_back_from_opencv():
-    found = to_opencv(HEAD)
-    back, left = from_opencv(
-        found.matrix, found.distortion, name="CAM1", width_px=8984, height_px=6732, pixel_mm=0.006
-    )
-    x_c = ahead(HEAD)
-    apart = np.linalg.norm(project(back, LEVEL, x_c) - project(HEAD, LEVEL, x_c), axis=1)
-    assert apart.max() < 2 * (left.largest_px + found.left.largest_px)
-    assert_allclose(
-        back.interior.to_array()[:3], HEAD.interior.to_array()[:3], rtol=1e-12, atol=1e-12
-    )
-    assert_allclose(back.interior.b1, HEAD.interior.b1, atol=1e-12)
-
-
-@pytest.mark.parametrize("n", [4, 5, 8])
-def test_ideal_points_are_opencvs_own_undistortion(n):
-    """A consumer's camera with strong distortion; eight coefficients are the rational model."""
-    matrix = np.array([[3000.0, 0.0, 2010.0], [0.0, 3003.0, 1490.0], [0.0, 0.0, 1.0]])
-    distortion = np.array([-0.11, 0.08, 3e-4, -2e-4, -0.02, 0.01, 0.02, 0.001])[:n]
-    camera, left = from_opencv(
-        matrix, distortion, name="C", width_px=4000, height_px=3000, pixel_mm=0.002
-    )
-    colrow = np.array([[0.0, 0.0], [3999.0, 10.0], [2000.0, 2999.0], [777.0, 888.0]])
-    ideal = correct(camera.interior, xy_from_colrow(camera, colrow)) / camera.interior.f * [1, -1]
-    x_c, zero = np.column_stack([ideal, np.ones(len(ideal))]), np.zeros(3)
-    seen = cv2.projectPoints(x_c, zero, zero, matrix, distortion)[0][:, 0]
-    assert np.hypot(*(seen - colrow).T).max() <= 1.01 * left.largest_px
-    assert left.largest_px < 1.0  # of some 100 px of distortion
-
-
-def test_what_is_no_camera_of_opencv_is_told():
-    matrix, size = np.diag([3000.0, 3000.0, 1.0]), {"width_px": 10, "height_px": 10}
-    with pytest.raises(
-        ValueError, match=r"len\(distortion\): expected one of 4, 5, 8, 12, 14, got 3"
-    ):
-        from_opencv(matrix, np.zeros(3), name="C", pixel_mm=0.002, **size)
-    matrix[0, 1] = 0.5
-    with pytest.raises(ValueError, match=r"matrix: expected no skew, got 0\.5"):
-        from_opencv(matrix, np.zeros(5), name="C", pixel_mm=0.002, **size)

@@ -232,13 +232,6 @@ def test_the_refined_heads_are_written(refinement, refined):
     assert "beyond the noise of tie points" in note  # parallax of two flying heights
 
 
-def test_weights_that_did_not_settle_are_a_note(flight, refinement, tmp_path):
-    fit = replace(refinement.fits["rotations"], settled=False)
-    synthetic.write(flight, tmp_path, replace(refinement, fits={"rotations": fit}), {})
-    (note,) = results.read(tmp_path).summary["synthetic/refined"]["notes"]
-    assert note.startswith("synthetic/refined: the weights of tie points did not settle")
-
-
 def test_without_tie_points_the_refinement_is_left_out(flight, folder, tmp_path):
     block = flight.blocks["heads"]
     rows = block.images.camera_idx[block.image_points.image_idx] == 0

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from acx4files.results import sentences
 from acx4lib.block import NO_POINTS
 from acx4lib.bundle.adjust import mounted_orientation
 from acx4lib.bundle.observations import picture_equations
-from acx4lib.calibration import common_errors, rig
+from acx4lib.calibration import rig
 from acx4lib.calibration.estimates import from_bundle
 from acx4lib.calibration.mounting import single_step
 from acx4lib.geometry.camera import colrow_from_xy, correct, distort, mountings, xy_from_colrow
@@ -60,7 +61,7 @@ def test_pictures_that_share_a_pose_are_not_turned(rigid):
     found = single_step(rigid, Model(free=FREE, fix=("lever_arm",)))
     assert found.calibration.turns is None
     assert len(found.bundle.state.T_m_b) == len(rigid.trajectory)
-    assert common_errors.turned_sentence(found.calibration.turns) == ""
+    assert sentences.turned(found.calibration.turns) == ""
 
 
 def test_turns_are_found_with_their_size(found):
@@ -68,7 +69,7 @@ def test_turns_are_found_with_their_size(found):
     assert 0.8 < found.bundle.solution.sigma0_sq < 1.25
     assert len(found.bundle.rejected) < 0.01 * len(found.bundle.network.block.image_points)
     about = f"{np.degrees(found.calibration.turns[2]):.4f}° about the body's axes"
-    assert about in common_errors.turned_sentence(found.calibration.turns)
+    assert about in sentences.turned(found.calibration.turns)
 
 
 def test_heads_are_oriented_as_well_as_their_sigma_say(found, rigid):
@@ -179,6 +180,4 @@ def test_errors_that_points_share_enlarge_sigma_of_the_lens_and_no_others(block)
     ratio = sigmas(found.calibration.cov) / sigmas(from_bundle(found.bundle).cov)
     assert ratio[0] == pytest.approx(lens, rel=0.1)  # k1, which the mounting does not know of
     assert np.allclose(ratio[3:], 1.0)
-    assert f"{lens:.1f} (interior orientations):" in common_errors.enlarged_sentence(
-        found.calibration
-    )
+    assert f"{lens:.1f} (interior orientations):" in sentences.enlarged(found.calibration)

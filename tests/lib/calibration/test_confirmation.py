@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
+from acx4files.results import sentences
 from acx4lib.bundle.unknowns import layout
 from acx4lib.calibration.confirmation import ALPHA, confirmations
 from acx4lib.calibration.determination import nested_f_ratio
@@ -60,7 +61,7 @@ def test_the_convergence_of_the_blocks_is_as_said():
 def test_what_is_declared_rightly_is_confirmed(noisy_block, prior):
     found = compared(declared(noisy_block, prior=prior))
     assert set(found) == {"lever arm", "boresight"}
-    assert [c.objection for c in found.values()] == ["", ""]
+    assert all(c.confirmed for c in found.values())
     assert np.isnan(found["lever arm"].p) == np.isinf(prior.sigma[0])
 
 
@@ -69,15 +70,15 @@ def test_what_is_not_declared_is_not_compared(noisy_block):
     kappa = replace(Prior(), declared=(False,) * 5 + (True,))
     found = compared(declared(noisy_block, prior=kappa))
     assert set(found) == {"boresight"}
-    assert np.isnan(found["boresight"].difference).tolist() == [True, True, False]
+    assert found["boresight"].declared.tolist() == [False, False, True]
 
 
 @pytest.mark.parametrize(("off_m", "said"), [(0.04, False), (0.5, True), (2.0, True)])
 def test_a_lever_arm_without_sigma_is_an_approximation(exact_block, off_m, said):
     """More than what a survey and the estimate are off by is said, and is no contradiction."""
     found = compared(declared(exact_block, lever_m=(0.0, off_m, 0.0), prior=known()))["lever arm"]
-    assert found.objection == ""
-    assert found.remark.startswith("lever arm of CAM differs") == said
+    assert found.confirmed
+    assert sentences.approximation(found).startswith("lever arm of CAM differs") == said
     assert found.difference[1] == pytest.approx(-off_m, abs=1e-6)
 
 
@@ -85,8 +86,8 @@ def test_a_lever_arm_without_sigma_is_an_approximation(exact_block, off_m, said)
 def test_a_boresight_without_sigma_is_an_approximation(exact_block, off_deg, said):
     off = (0.0, off_deg, 0.1 * off_deg)
     found = compared(declared(exact_block, turn_deg=off, prior=known()))["boresight"]
-    assert found.objection == ""
-    assert found.remark.startswith("boresight of CAM differs") == said
+    assert found.confirmed
+    assert sentences.approximation(found).startswith("boresight of CAM differs") == said
 
 
 def test_what_is_significant_with_sigma_is_too_much_and_shown_as_the_others_say(exact_block):
@@ -96,7 +97,7 @@ def test_what_is_significant_with_sigma_is_too_much_and_shown_as_the_others_say(
     tied = compared(declared(exact_block, **off, prior=known(0.02)))["lever arm"]
     assert np.isnan(free.p)
     assert tied.p < ALPHA
-    assert "differs from the declared one by (" in tied.sentence
+    assert "differs from the declared one by (" in sentences.not_confirmed(tied)
     assert_allclose(tied.difference, free.difference, atol=0.05)  # of a linear model, the same
 
 
@@ -129,14 +130,15 @@ def test_declared_values_with_their_sigma_improve_the_estimates(noisy_block):
 def test_a_kappa_off_by_the_convergence_says_so(noisy_block, sign, sigma_deg):
     turn = (0.0, 0.0, sign * CONVERGENCE_DEG + 0.03)
     found = compared(declared(noisy_block, turn_deg=turn, prior=known(turn_deg=sigma_deg)))
-    assert "meridian convergence, 0.73°" in found["boresight"].sentence
-    assert "true or grid north?" in found["boresight"].sentence
+    said = sentences.not_confirmed(found["boresight"])
+    assert "meridian convergence, 0.73°" in said
+    assert "true or grid north?" in said
 
 
 @pytest.mark.parametrize("off_deg", [0.0, 0.4, 1.0])
 def test_another_kappa_is_not_taken_for_it(noisy_block, off_deg):
     found = compared(declared(noisy_block, turn_deg=(0.0, 0.0, off_deg), prior=known()))
-    assert found["boresight"].objection == ""
+    assert found["boresight"].confirmed
 
 
 def test_an_undeclared_lever_arm_of_tens_of_metres_is_a_height_system(noisy_block):
@@ -144,7 +146,7 @@ def test_an_undeclared_lever_arm_of_tens_of_metres_is_a_height_system(noisy_bloc
     by[:, 2] = 31.0
     lifted = blocks.changed(declared(noisy_block, prior=Prior()), "control_point", by)
     found = compared(lifted)
-    assert "m long, and none is declared" in found["lever arm"].sentence
+    assert "m long, and none is declared" in sentences.not_confirmed(found["lever arm"])
 
 
 def test_p_is_uniform_over_flights(exact_block):

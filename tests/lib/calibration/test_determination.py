@@ -1,6 +1,5 @@
 """What an adjustment determines least is found and called by the names of results."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import linalg, stats
 
+from acx4files.results import sentences
 from acx4lib.bundle.adjust import adjust, free_orientation, mounted_orientation
 from acx4lib.bundle.rejections import noncentrality
 from acx4lib.calibration import determination, mounting
@@ -15,8 +15,6 @@ from acx4lib.calibration.determination import (
     SHARE,
     STRONG,
     absorption,
-    as_json,
-    beyond_precision,
     by_lever_arms,
     detectable,
     effective_heights,
@@ -56,14 +54,14 @@ def test_images_with_one_point_are_named_where_double_precision_ends(exact_block
     block = replace(exact_block, image_points=points[rest])
     fit = adjust(free_orientation(block, Model(free=("xp", "yp"))))
     name = block.images.names[3]
-    assert beyond_precision(fit).endswith(
+    assert sentences.beyond_precision(fit).endswith(
         "is more than double precision can carry: the observations do not determine the position "
         f"and attitude of {name} (measured points: 1)"
     )
 
 
 def test_a_weak_block_is_not_beyond_precision(on_control):
-    assert beyond_precision(on_control) == ""
+    assert sentences.beyond_precision(on_control) == ""
 
 
 def test_shares_are_of_the_eigenvector_of_the_smallest_eigenvalue(mounted):
@@ -125,13 +123,6 @@ def test_strong_correlations_are_those_of_the_reported_covariance():
 
 def test_given_cameras_have_no_correlations(exact_block):
     assert strong_correlations(given(exact_block.cameras)) == ()
-
-
-def test_a_summary_has_it_as_plain_numbers(on_control):
-    entry = json.loads(json.dumps(as_json(on_control, from_bundle(on_control))))
-    assert entry["condition"] == on_control.solution.condition
-    assert list(entry["weakest"])[:1] == [weakest_combination(on_control)[0].unknown]
-    assert all(len(pair) == 3 for pair in entry["correlated"])
 
 
 # --- Correlations of interior and exterior orientation
@@ -286,7 +277,7 @@ def test_exact_data_differ_by_what_the_lever_arm_says(exact):
 
 def test_where_positions_give_way_f_takes_up_z_at_the_height_of_the_squares(exact):
     """Positions miss f's share by l - H df / f; its squares are least at H of sum H2 / sum H."""
-    given_way = weighted(exact, gnss=10.0)
+    given_way = weighted(exact, Model(gnss=10.0))
     H = flying_heights(exact)[exact.images.exposure_idx]
     two = held_off(given_way, 2)
     heights = effective_heights(
@@ -300,7 +291,7 @@ def test_where_positions_hold_principal_point_and_boresight_take_up_the_mean(
     exact, axis, parameter, turn, sign
 ):
     """Each image is off by f l / H; what all have in common is the mean, shared by the two."""
-    held = weighted(exact, gnss=0.1)
+    held = weighted(exact, Model(gnss=0.1))
     f = exact.cameras[0].interior.f
     H = flying_heights(exact)[exact.images.exposure_idx]
     found = taken_up(held, axis)

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from acx4files.results import sentences
+from acx4files.results.sentences import not_determined
 from acx4lib import design
 from acx4lib.block import select_images
 from acx4lib.bundle.adjust import adjust, mounted_orientation
@@ -22,7 +24,6 @@ from acx4lib.calibration.estimates import (
     given,
     is_determined,
     needed,
-    not_determined,
     parameters,
     saying_what_lacks,
 )
@@ -187,8 +188,8 @@ def test_heads_whose_lever_arms_move_as_one_are_one_sentence(related, lines):
 def test_a_boresight_is_judged_by_the_attitudes_that_determine_it():
     rough = replace(with_sigmas(boresight_z=np.radians(1.2)), limit_boresight_deg=3.0)
     assert not_determined(rough) == []
-    assert "up to 1.2 degrees" in estimates.rough_boresights(rough)
-    assert estimates.rough_boresights(with_sigmas()) == ""
+    assert "up to 1.2 degrees" in sentences.rough_boresights(rough)
+    assert sentences.rough_boresights(with_sigmas()) == ""
     (line,) = not_determined(replace(rough, limit_boresight_deg=1.1))
     assert "boresight_kappa_deg" in line
     block = blocks.standard()
@@ -278,11 +279,11 @@ def test_measurements_in_the_middle_are_neither_in_corners_nor_on_all_sides():
 
 @pytest.mark.parametrize("key", [*REPORTED, "shift", "delay"])
 def test_every_need_can_be_met(key):
-    have = frozenset(need.features[0] for need in NEEDS[key])
+    have = frozenset(name for _, any_of in NEEDS[key] for name in any_of.split()[:1])
     assert needed(key, have) == ENOUGH
-    for need in NEEDS[key]:
-        assert needed(key, have - set(need.features)) == need.text
-    assert needed(key) == ", and ".join(need.text for need in NEEDS[key])
+    for text, any_of in NEEDS[key]:
+        assert needed(key, have - set(any_of.split())) == text
+    assert needed(key) == ", and ".join(text for text, _ in NEEDS[key])
 
 
 def test_what_does_not_converge_says_what_its_block_lacks_and_what_helps():

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from acx4files.results.sentences import not_determined
 from acx4lib.block import ImagePoints, select_cameras
 from acx4lib.bundle import adjust
 from acx4lib.calibration import heads as calibration_heads
 from acx4lib.calibration import rig
-from acx4lib.calibration.estimates import from_bundle, not_determined
+from acx4lib.calibration.estimates import from_bundle
 from acx4lib.errors import AdjustmentError
 from acx4lib.geometry.camera import mountings
 from acx4lib.geometry.frames import Pose, log, rotation_from_opk

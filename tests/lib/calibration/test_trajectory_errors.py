@@ -9,12 +9,13 @@ from numpy.testing import assert_allclose
 import acx4sim
 from acx4book.report.words import parameter_title
 from acx4files.results import folder as results
-from acx4files.results import read_back
+from acx4files.results import read_back, sentences
+from acx4files.results.sentences import not_determined
 from acx4files.stages import diagnosed
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.observations import position_errors
 from acx4lib.calibration import mounting, trajectory_errors
-from acx4lib.calibration.estimates import not_determined, parameters
+from acx4lib.calibration.estimates import parameters
 from acx4lib.geometry.parameters import AXES
 from acx4lib.least_squares.covariance import GaussMarkov
 from acx4lib.model import Model
@@ -217,20 +218,20 @@ def test_the_covariance_is_that_of_the_whole_normal_matrix(striped):
 
 def test_in_one_direction_a_shift_and_the_lever_arm_are_one_unknown():
     bundle = single_step(level((0, 0, 0)), Model(free=("f",), gnss=("shift",)))
-    lines = trajectory_errors.not_determined(bundle)
+    lines = sentences.trajectory_not_determined(bundle)
     assert [line.split()[0] for line in lines] == ["gnss_shift_east_m", "gnss_shift_north_m"]
     assert "left open by the observations" in lines[0]
     assert "strips flown in opposite directions" in lines[0]
     camera = [line.split()[1] for line in not_determined(mounting.from_bundle(bundle))]
     assert camera == ["lever_x_m", "lever_y_m"]
     held = single_step(level((0, 0, 0)), Model(free=("f",), fix=("lever_arm",), gnss=("shift",)))
-    assert trajectory_errors.not_determined(held) == []
+    assert sentences.trajectory_not_determined(held) == []
 
 
 def test_without_control_a_shift_is_one_of_the_ground(striped):
     block = blocks.in_strips(blocks.standard(control=None), 4)
     bundle = single_step(block, Model(free=("f",), fix=("lever_arm",), gnss=GNSS))
-    lines = trajectory_errors.not_determined(bundle)
+    lines = sentences.trajectory_not_determined(bundle)
     assert {line.split()[0] for line in lines} >= {
         f"gnss_shift_{axis}_m" for axis in ("east", "north", "height")
     }
@@ -320,7 +321,7 @@ def test_the_summary_says_what_is_held_and_that_the_shift_is_the_blocks_own(fold
 
 def test_with_the_lever_arm_held_the_summary_says_that(noisy):
     bundle = single_step(noisy, Model(fix=("lever_arm",), gnss=("shift",)))
-    found, held, _ = trajectory_errors.notes(bundle)
+    found, held, _ = sentences.on_trajectory(bundle)
     assert "(height)" in found
     assert held.startswith("the lever arm's z is held")
 
@@ -329,7 +330,7 @@ def test_weights_that_know_of_slow_errors_are_said(striped):
     process = GaussMarkov(share=0.9, time_constant_s=600.0)
     timed = replace(striped.trajectory, time_s=np.arange(12.0), slow_positions=process)
     bundle = single_step(replace(striped, trajectory=timed))
-    assert trajectory_errors.notes(bundle) == [
+    assert sentences.on_trajectory(bundle) == [
         "errors of positions are taken to be correlated: 0.9 of their sigma, with a time constant "
         "of 600 s"
     ]
@@ -338,4 +339,4 @@ def test_weights_that_know_of_slow_errors_are_said(striped):
 def test_by_default_nothing_is_estimated_and_nothing_said(noisy):
     bundle = single_step(noisy)
     assert trajectory_errors.parameters(bundle) == []
-    assert trajectory_errors.notes(bundle) == trajectory_errors.not_determined(bundle) == []
+    assert sentences.on_trajectory(bundle) == sentences.trajectory_not_determined(bundle) == []

@@ -12,6 +12,7 @@ from scipy import stats
 
 import acx4sim
 from acx4files.flight import reader
+from acx4files.results import sentences
 from acx4files.stages import mounting
 from acx4files.stages import validation as stages_validation
 from acx4lib.block import select_images
@@ -386,7 +387,7 @@ def rays(block):
 
 
 def w_of(block, cameras):
-    return validation.of(block, direct.georeference(block, cameras), rays(block))
+    return validation.normalised_residuals(block, direct.georeference(block, cameras), rays(block))
 
 
 def cost(block, cameras):
@@ -530,7 +531,7 @@ def test_exposures_of_which_nothing_is_measured_do_not_make_the_others_better(fl
     part = select_images(block, keep)
     found = predict(part, calibrated, method="single_step")
     n = len(np.unique(part.images.exposure_idx))
-    assert f"{n} exposures that took no part" in found.sentence
+    assert f"{n} exposures that took no part" in sentences.prediction(found)
     observed, r = found.bundle.network.observed, found.bundle.state.T_m_b.r
     off = (r - observed.T_m_b.r)[np.unique(part.images.exposure_idx)]
     total = np.sqrt(np.mean(np.sum(off**2, axis=1)))

@@ -242,10 +242,6 @@ def _printed_sigma(head: str) -> Array:
 # once, without distortion, response or noise. What differs is the synthetic image's own.
 
 
-NODES_PX = 16
-"""Full-size pixels between the exact nodes of the map, so that a reduced image shows no other."""
-
-
 @shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownExposure:
@@ -404,7 +400,6 @@ def deviations(
         small,
         response=response,
         feather_px=FEATHER_PX / known.reduce,
-        step_px=max(NODES_PX // known.reduce, 4),
     )
     points = measure(render(plan, known.images), known.ideal, search_px=search_px)
     points = points[consistent(points)]

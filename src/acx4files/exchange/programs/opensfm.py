@@ -21,35 +21,10 @@ from typing import Annotated
 
 import numpy as np
 
-from acx4files.exchange import coordinates, safe
-from acx4files.exchange.coordinates import FLIP, UNKNOWN, Chosen, stacked, turned
-from acx4files.exchange.flight_folder import ImportedFlight
-from acx4files.exchange.lens import OPENSFM as MODELS
-from acx4files.exchange.lens import WORST_PX, Lens, Pinhole
-from acx4files.exchange.options import (
-    Allow,
-    BlockOfProject,
-    CrsOfProject,
-    Option,
-    Orientations,
-    PixelUmOfProject,
-    Source,
-)
-from acx4files.exchange.project import (
-    Control,
-    Images,
-    InGrid,
-    Measured,
-    Project,
-    Proof,
-    first_use,
-    flight_of,
-    joined,
-    naming,
-    nowhere,
-    require_all_names,
-    require_names,
-)
+from acx4files.exchange import coordinates, lens, options, project, safe
+from acx4files.exchange.coordinates import FLIP, UNKNOWN, Chosen, stacked
+from acx4files.exchange.lens import Lens, Pinhole
+from acx4files.exchange.project import Control, Images, Measured, Project, Proof
 from acx4files.exchange.safe import Line, Node, Opened
 from acx4files.flight.problems import METRES, RANGES, Range, quoted
 from acx4lib.errors import FlightError
@@ -67,6 +42,8 @@ CAMERAS = ("camera_models.json", "cameras.json")
 VERSIONS = ("OPENSFM_TRACKS_VERSION_v1", "OPENSFM_TRACKS_VERSION_v2")
 """First lines of tracks.csv; the first version of all had none."""
 
+NO_POSITION_DOP = 999_999
+"""Dilution of precision that OpenSfM writes where there is no position."""
 NORMALISED = Range(-1e3, 1e3, "must be divided by the longer side of the image")
 TURN = Range(-100.0, 100.0, "must be a rotation vector in radians")
 
@@ -93,22 +70,22 @@ ASSUMED = (
 )
 
 
-def project(
-    source: Path,
+def read_project(
+    source: Annotated[Path, options.Source],
     *,
-    orientations: str = "initial",
-    crs: str | None = None,
+    crs: options.CrsOfProject = None,
+    orientations: options.Orientations = "initial",
 ) -> Project:
-    """Return a project of OpenSfM or ODM.
+    """Read a project of OpenSfM, ODM or WebODM: cameras, images, tracks, rigs, control.
 
-    Parameters
-    ----------
-    source : Path
-        Its folder, the folder of an ODM project, or one file reconstruction.json or cameras.json.
-    orientations : {"initial", "adjusted", "none"}
-        Where "adjusted", the flight has the project's coordinate system.
-    crs : str, optional
-        Of the flight; by default the UTM zone of the project's origin.
+    SOURCE is the folder with reconstruction.json and tracks.csv, the folder of an ODM project, or
+    one file reconstruction.json, camera_models.json or cameras.json. Where a reconstruction by ODM
+    has the axes of UTM, the measured positions tell.
+
+    Examples
+    --------
+    acx4 import opensfm my_project --out my_flight
+    acx4 import opensfm my_project --orientations adjusted --crs EPSG:25833 --out my_flight
 
     Raises
     ------
@@ -124,74 +101,41 @@ def project(
     sizes = np.array([(lenses[name].width_px, lenses[name].height_px) for name in images.cameras])
     ties = _ties(files, root, images, sizes)
     named = {"image": images.names, "camera": images.cameras, "exposure": images.exposures}
-    require_all_names({**named, "point": ties.points}, root.source.wrong)
+    for kind, names in {**named, "point": ties.points}.items():
+        project.require_names(names, project.naming(partial(root.source.wrong, kind)))
     place = _place_of(files, root, images.T_w_c.r, gps, crs)
     listed = [file for file in map(files.maybe, CONTROL) if file is not None]
     marks, control, lost = Measured(), None, dict[str, int]()
+    proofs = [Proof(whose="the program's own points", measured=ties)]
     if listed and place is None:
         others = (f"{listed[0].name}: the reconstruction has no place on the Earth", *others)
     elif listed and place is not None:
         marks, control, lost = _marks(listed[0], images, sizes, place.frame)
-        taken = (f"{file.name}: {listed[0].name} is taken" for file in listed[1:])
-        others = (*taken, *others)
+        others = (*(f"{file.name}: {listed[0].name} is taken" for file in listed[1:]), *others)
         if {*marks.points, *control.names}.intersection(ties.points):
             ties = replace(ties, points=tuple(f"track {name}" for name in ties.points))
-    proofs = [Proof(whose="the program's own points", measured=ties)]
-    if place is not None:
         whose, T_m_c = "control points, by the adjusted orientations,", place.in_frame(images.T_w_c)
         proofs.append(Proof(whose=whose, measured=marks, T_w_c=T_m_c))
     is_placed = place is not None and (control is not None or orientations == "adjusted")
-    lost["measured positions: without attitudes they are no trajectory"] = int(
-        np.isfinite(gps).all(axis=1).sum()
-    )
+    n_known = int(np.isfinite(gps).all(axis=1).sum())
     return Project(
         source="OpenSfM",
         sources=files.read.values(),
         lenses=lenses,
         images=images,
-        measured=joined(marks, ties),
+        measured=project.joined(marks, ties),
         proofs=tuple(proofs),
         control=control,
         settings=place.settings if place is not None and is_placed else {},
+        orientations=orientations,
         in_grid=_in_grid(root, place),
-        lost=lost,
+        lost={**lost, "measured positions: without attitudes they are no trajectory": n_known},
         assumed=(*ASSUMED, *(place.said if place is not None and is_placed else ())),
         left_out=others,
     )
 
 
-def read(
-    source: Annotated[Path, Source],
-    *,
-    block: BlockOfProject = None,
-    crs: CrsOfProject = None,
-    orientations: Orientations = "initial",
-    pixel_um: PixelUmOfProject = None,
-    allow: Allow = WORST_PX,
-) -> ImportedFlight:
-    """Read a project of OpenSfM, ODM or WebODM: cameras, images, tracks, rigs, control.
-
-    SOURCE is the folder with reconstruction.json and tracks.csv, the folder of an ODM project, or
-    one file reconstruction.json, camera_models.json or cameras.json. Where a reconstruction by ODM
-    has the axes of UTM, the measured positions tell.
-
-    Examples
-    --------
-    acx4 import opensfm my_project --out my_flight
-    acx4 import opensfm my_project --orientations adjusted --crs EPSG:25833 --out my_flight
-
-    Raises
-    ------
-    FlightError
-        As `project` and `flight_of`.
-    """
-    return flight_of(
-        project(source, orientations=orientations, crs=crs),
-        orientations=orientations,
-        block=block,
-        pixel_um=pixel_um,
-        allow=allow,
-    )
+read = project.reader(read_project)
 
 
 def _cameras_alone(files: _Files) -> Project:
@@ -214,19 +158,19 @@ def _lenses(files: _Files, root: Node, models: dict[str, str]) -> dict[str, Lens
     mounts = root.maybe("rig_cameras") or files.tree("rig_cameras.json")
     lenses: dict[str, Lens] = {}
     for head, model in models.items():
-        lens = lenses[head] = _lens(root.one("cameras").one(model))
+        lenses[head] = _lens(root.one("cameras").one(model))
         if mounts is not None and (mount := mounts.maybe(head)) is not None:
             T_r_v = _pose(mount).inverse
-            T_r_h = Pose(R=turned(T_r_v.R), r=T_r_v.r @ FLIP)
-            lenses[head] = replace(lens, mount=T_r_h)
+            T_r_h = Pose(R=coordinates.turned(T_r_v.R), r=T_r_v.r @ FLIP)
+            lenses[head] = replace(lenses[head], mount=T_r_h)
     return lenses
 
 
-def _in_grid(root: Node, place: _Place | None) -> InGrid:
+def _in_grid(root: Node, place: _Place | None) -> project.InGrid:
     if place is None:
         fault = "has no measured position: the adjusted orientations are nowhere on the Earth"
         expected = "must have gps_position, with reference_lla"
-        return nowhere(root.one("shots").wrong(fault, expected))
+        return project.nowhere(root.one("shots").wrong(fault, expected))
     return lambda T: place.frame.pose_to_grid(place.in_frame(T))
 
 
@@ -338,7 +282,7 @@ def _images(root: Node) -> tuple[Images, dict[str, str], Array]:
     gps = np.full((len(shots), 3), np.nan)
     for k, shot in enumerate(shots.values()):
         position, dop = shot.maybe("gps_position"), shot.maybe("gps_dop")
-        if position is not None and (dop is None or dop.number() < 999_999):
+        if position is not None and (dop is None or dop.number() < NO_POSITION_DOP):
             gps[k] = position.numbers(3, allowed=METRES)
     T_w_v = stacked([_pose(shot) for shot in shots.values()]).inverse
     images = Images(
@@ -360,14 +304,14 @@ def _lens(node: Node) -> Lens:
     """Return a camera of reconstruction.json, camera_models.json or cameras.json."""
     place = node.maybe("projection_type")
     kind = "perspective" if place is None else place.text()
-    if kind not in MODELS:
-        raise (place or node).wrong(quoted(kind), f"must be one of {', '.join(MODELS)}")
+    if kind not in lens.OPENSFM:
+        raise (place or node).wrong(quoted(kind), f"must be one of {', '.join(lens.OPENSFM)}")
     width, height = (int(node.one(key).number(RANGES[f"{key}_px"])) for key in ("width", "height"))
     longer, two = max(width, height), kind in ANISOTROPIC
     focal = ("focal_x", "focal_y") if two else ("focal", "focal")
     fx, fy = (node.one(key).number(FOCAL) for key in focal)
     cx, cy = (_number(node, key) if two else 0.0 for key in ("c_x", "c_y"))
-    formula = MODELS[kind]
+    formula = lens.OPENSFM[kind]
     return Lens(
         width_px=width,
         height_px=height,
@@ -562,15 +506,15 @@ class _List:
     system: Chosen
 
 
-def read_control(
-    source: Annotated[Path, Source],
+def control(
+    source: Annotated[Path, options.Source],
     *,
-    block: BlockOfProject = None,
-    crs: CrsOfProject = None,
+    crs: options.CrsOfProject = None,
     camera: Annotated[
-        str | None, Option("NAME", "Camera of all pictures: then images.csv is written, too.")
+        str | None,
+        options.Option("NAME", "Camera of all pictures: then images.csv is written, too."),
     ] = None,
-) -> ImportedFlight:
+) -> Project:
     """Read ODM's gcp_list.txt: surveyed points and their places in the pictures.
 
     The first line is the CRS; a height NaN makes a tie point of a point. Longitudes and latitudes
@@ -584,31 +528,12 @@ def read_control(
     Raises
     ------
     FlightError
-        As `control` and `flight_of`.
-    """
-    return flight_of(control(source, crs=crs, camera=camera), block=block or "calibration")
-
-
-def control(source: Path, *, crs: str | None = None, camera: str | None = None) -> Project:
-    """Return the points of gcp_list.txt and their measurements.
-
-    Parameters
-    ----------
-    source : Path
-    crs : str, optional
-        Of the flight; by default the file's own, or the UTM zone for longitudes and latitudes.
-    camera : str, optional
-        Name of the camera of all images: then there are images, too.
-
-    Raises
-    ------
-    FlightError
         For another layout, or one name for two points.
     """
     file = safe.read(source)
     listed = _list(file, crs)
     control, flat = _with_heights(listed.places)
-    images, image_idx = first_use([image for image, _, _ in listed.seen])
+    images, image_idx = project.first_use([image for image, _, _ in listed.seen])
     return Project(
         source="ODM's control points",
         sources=[file],
@@ -629,6 +554,9 @@ def control(source: Path, *, crs: str | None = None, camera: str | None = None) 
             "pixel 0, 0 is the centre of the top-left one, rows grow down",
         ),
     )
+
+
+read_control = project.reader(control, ("block",))
 
 
 def _list(file: Opened, crs: str | None) -> _List:
@@ -674,7 +602,7 @@ def _points(rows: Sequence[Line]) -> tuple[dict[tuple[float, ...], str], list[Se
         colrow = row.numbers(3, 5, "col, row", RANGES["col_px"])
         given = row.cells[6] if len(row) > 6 else ""
         key = (row.cell(5, "image"), names.setdefault(xyz, given or f"GCP{len(names) + 1}"))
-        require_names(key, naming(partial(row.wrong, "name")))
+        project.require_names(key, project.naming(partial(row.wrong, "name")))
         if given not in ("", key[1]):
             fault = f"{quoted(given)} has the coordinates of {quoted(key[1])}"
             raise row.wrong("name", fault, "must be one name for one point")

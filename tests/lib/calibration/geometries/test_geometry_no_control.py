@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from acx4files.results.sentences import not_determined
 from acx4lib.bundle.adjust import adjust, free_orientation
 from acx4lib.calibration import mounting
-from acx4lib.calibration.estimates import from_bundle, is_determined, not_determined, parameters
+from acx4lib.calibration.estimates import from_bundle, is_determined, parameters
 from acx4lib.errors import AdjustmentError
 from acx4lib.model import Model
 from support import blocks

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from acx4files.results.sentences import not_determined
 from acx4lib.calibration import mounting
 from acx4lib.calibration.determination import weakest_combination
-from acx4lib.calibration.estimates import not_determined
 from acx4lib.model import Model
 from support import blocks
 

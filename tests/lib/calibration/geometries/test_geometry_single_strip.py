@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from acx4files.results.sentences import not_determined
 from acx4lib.calibration import mounting
-from acx4lib.calibration.estimates import not_determined, parameters
+from acx4lib.calibration.estimates import parameters
 from acx4lib.model import Model
 from support import blocks
 
