@@ -68,7 +68,8 @@ def load(*functions: Any) -> None:
     """
     for function in functions:
         if isinstance(function._cache, _Files):
-            for signature, *_, sources in function._cache._cache_file._load_index():
+            entries = function._cache._cache_file._load_index()  # type: ignore[no-untyped-call]
+            for signature, *_, sources in entries:
                 if sources == SOURCES:
                     function.compile(signature)
 

@@ -176,7 +176,7 @@ def distributions(modules):
     [
         ("acx4sim", ("command",)),
         ("acx4lib", ("images", "cluster")),
-        ("acx4files", ("images", "cluster")),
+        ("acx4files", ("images", "cluster", "opf")),
         ("acx4book", ("book", "pdf", "reference")),
     ],
 )
@@ -249,7 +249,7 @@ def test_the_wheel_runs_a_flight_and_reports_on_it(whole):
 SMALL = """
 import acx4 as acx
 flight = acx.read("library")
-calibration = acx.calibrate(flight).single_step.calibration
+calibration = acx.calibrate(flight)["single_step"].calibration
 poses = acx.georeference(flight.validation, calibration).T_m_c
 print(calibration.cameras[0].interior.f, len(poses.r))
 try:
