@@ -8,6 +8,7 @@ import numpy as np
 
 from acx4lib import shown
 from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.variance_components import Component
 from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.confirmation import Confirmation
 from acx4lib.calibration.determination import CARRIED
@@ -356,3 +357,20 @@ def prediction(found: Prediction) -> str:
         f"by {rms} m (east, north, height; RMS), variance of unit weight "
         f"{found.sigma0_sq:.3f} (p of chi-square {found.chi_square_p:.3f})"
     )
+
+
+def sigmas(components: Sequence[Component]) -> list[str]:
+    """Return a sentence on the multiplied sigma, and one for each wrong sigma."""
+    multiplied = [
+        f"{c.applied:.2f} ± {c.sigma:.2f} ({c.group})" for c in components if c.applied != 1.0
+    ]
+    out = [f"the sigma were multiplied by {', '.join(multiplied)}"] if multiplied else []
+    for c in components:
+        if c.is_significant and c.factor > c.applied:
+            out.append(
+                f"the sigma of {c.group} are {c.factor / c.applied:.1f} times too optimistic"
+            )
+        elif c.is_significant:
+            times = c.applied / max(c.factor, 1e-3)
+            out.append(f"the sigma of {c.group} are {times:.1f} times too pessimistic")
+    return out

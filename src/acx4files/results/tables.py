@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,11 +12,11 @@ from pandas.api.types import union_categoricals
 
 from acx4files.flight.reader import Flight
 from acx4files.results import sentences
-from acx4files.results.folder import COLUMNS, COMPONENTS, RELATIVE, Record
+from acx4files.results.folder import COLUMNS, COMPONENTS, RELATIVE, Record, messages
 from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations import observed_interiors, observed_mountings
+from acx4lib.bundle.observations import DECLARED, declared
 from acx4lib.bundle.rejections import Rejection, Stopped, sentence
 from acx4lib.calibration import estimates, trajectory_errors
 from acx4lib.calibration.estimates import Calibration, Parameter
@@ -66,6 +66,15 @@ def record(key: str, tables: Mapping[str, pd.DataFrame], entry: Mapping[str, obj
 def not_adjusted(key: str, reason: str, *, of: str = "left_out") -> Record:
     """Return the record of a method that was left out or, `of` ``not_determined``, failed."""
     return record(key, {}, {**NO_ADJUSTMENT, "converged": False, of: [f"{key}: {reason}"]})
+
+
+def extended(
+    made: Record, entries: Mapping[str, object], notes: Iterable[str], *, of: str = ""
+) -> Record:
+    """Return a record with more entries and notes; these are `of` its key, or something else."""
+    ((key, entry),) = made.summary.items()
+    said = [*messages(entry, "notes"), *(f"{of or key}: {note}" for note in notes)]
+    return replace(made, summary={key: {**entry, **entries, "notes": said}})
 
 
 # --- bundles ---------------------------------------------------------------------------------
@@ -294,10 +303,8 @@ def _observed_at(network: Network, kind: str) -> tuple[pd.Categorical[str], pd.C
     if kind == "control_point":
         idx = network.control.point_idx[~network.held_control]
         return _names([""], np.zeros(len(idx), int)), _names(block.points, idx)
-    if kind in ("lever_arm", "boresight"):
-        at = _names(cameras, observed_mountings(block.cameras, kind, network.layout.mount))
-    elif kind == "interior":
-        at = _names(cameras, observed_interiors(block.cameras, network.layout.interior))
+    if kind in DECLARED:
+        at = _names(cameras, declared(block.cameras, kind, network.layout)[0])
     else:
         at = _names(block.trajectory.exposures, network.exposure_idx)
     return at, _names([""], np.zeros(len(at), int))
