@@ -254,19 +254,6 @@ def test_swapped_control_points_are_named():
     assert set(re.findall(r"P\d\d(?= by)", str(e.value))) == names
 
 
-def test_measurements_that_let_nothing_converge_are_named():
-    block, rows = spoilt(
-        block_of("one head"), np.random.default_rng(2), share=0.02, size_px=(300, 1000)
-    )
-    with pytest.raises(AdjustmentError, match=f"no convergence .*; {len(rows)} meas") as e:
-        adjust.adjust(set_up("one head", block))
-    points, images = block.image_points, block.images.names
-    wrong = {(block.points[points.point_idx[i]], images[points.image_idx[i]]) for i in rows}
-    named = set(re.findall(r"([PT]\d+) in (H\S+_CAM1)", str(e.value)))
-    assert len(named) == 3
-    assert named <= wrong
-
-
 @pytest.mark.parametrize(
     ("kappa_deg", "turned_deg"),
     [(95, 0), (5, 85), (-85, 175), (-175, -95)],

@@ -102,9 +102,7 @@ def export(
     out: Annotated[Path, terminal.option("FOLDER", "Folder for the files.")],
     method: Annotated[
         str,
-        terminal.option(
-            "NAME", "single_step, rig, ...: which calibration; else the best."
-        ),
+        terminal.option("NAME", "single_step, rig, ...: which calibration; else the best."),
     ] = "",
     orientations: Annotated[
         str,

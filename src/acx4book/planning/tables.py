@@ -16,7 +16,7 @@ from acx4book.planning.plan import PlannedBlock
 from acx4files.flight.reader import area_notes
 from acx4files.results import sentences as messages
 from acx4files.results.folder import COLUMNS, COMPONENTS
-from acx4files.results.rows import parameter_tables, unit_of
+from acx4files.results.tables import parameter_tables, record, unit_of
 from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration import diagnosis, trajectory_errors
@@ -94,7 +94,7 @@ def _parameters(design: Design, method: str) -> pd.DataFrame:
     of_winds = design.covariances(method)
     cov = of_winds.mean(axis=0)
     listed = _listed(design, method, cov)
-    table = parameter_tables("mounting", method, listed, cov)["parameters"]
+    table = record(f"mounting/{method}", parameter_tables(listed, cov), {}).tables["parameters"]
     if not listed:
         return table.reindex(columns=[*table.columns, *ADDED])
     related = correlation(cov) - np.eye(len(cov))
@@ -122,7 +122,8 @@ def covariance_table(design: Design) -> pd.DataFrame:
     for method in design.mountings:
         cov = design.covariances(method).mean(axis=0)
         listed = _listed(design, method, cov)
-        parts.append(parameter_tables("mounting", method, listed, cov)["covariance"])
+        made = record(f"mounting/{method}", parameter_tables(listed, cov), {})
+        parts.append(made.tables["covariance"])
     return pd.concat(parts) if parts else pd.DataFrame(columns=[*COLUMNS["covariance"]])
 
 

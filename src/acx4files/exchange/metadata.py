@@ -9,6 +9,7 @@ import struct
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,6 @@ from PIL.TiffImagePlugin import TiffImageFile
 from scipy.spatial.transform import Rotation
 
 from acx4files.exchange import lens, safe
-from acx4files.exchange.flight_folder import number_of
 from acx4files.exchange.lens import FLIP, Left, Pinhole
 from acx4files.exchange.safe import Opened, xml_tree
 from acx4files.flight.problems import quoted
@@ -53,6 +53,8 @@ class Tags:
         As `properties` has them.
     sha256 : str
         Of the file.
+    file : str
+        Its path below the folder of all pictures.
     """
 
     path: Path
@@ -63,6 +65,12 @@ class Tags:
     exif: Mapping[str, Any]
     xmp: Properties
     sha256: str
+    file: str = ""
+
+    @cached_property
+    def head(self) -> Head:
+        """The head that took the picture."""
+        return head_of(self)
 
     @property
     def kind(self) -> tuple[int, int, int, int]:
@@ -277,6 +285,7 @@ def time_of(tags: Tags) -> dt.datetime | None:
         Where it is no time.
     """
     text = tags.text("DateTimeOriginal", "DateTime")
+    part = tags.text("SubsecTimeOriginal", "SubsecTime")
     if not text:
         return None
     try:
@@ -284,10 +293,7 @@ def time_of(tags: Tags) -> dt.datetime | None:
     except ValueError:
         expected = "must be a time as 2023:10:14 11:48:22"
         raise tags.wrong("DateTimeOriginal", quoted(text), expected) from None
-    digits = tags.text("SubsecTimeOriginal", "SubsecTime")
-    sign = -1 if digits.startswith("-") else 1
-    part = digits.lstrip("-")
-    return time + sign * dt.timedelta(seconds=float(f"0.{part}") if part.isdigit() else 0.0)
+    return time + dt.timedelta(seconds=float(f"0.{part}") if part.isdigit() else 0.0)
 
 
 def place_of(tags: Tags) -> tuple[float, float, float] | None:
@@ -393,6 +399,11 @@ class Head:
     reference: int | None
     relatives_deg: tuple[float, ...]
 
+    @property
+    def is_unturned(self) -> bool:
+        """Whether it has angles, and all of them are zero."""
+        return len(self.relatives_deg) > 0 and not any(self.relatives_deg)
+
 
 def head_of(tags: Tags) -> Head:
     """Return the head that took a picture.
@@ -434,16 +445,11 @@ def in_order(heads: Sequence[Head]) -> list[Head]:
     It is the one that a head names before all others; where none names any, the one whose own
     angles are zero.
     """
-    sorted_heads = sorted(heads, key=lambda head: (head.index, head.name))
+    by_number = sorted(heads, key=lambda head: (head.index, head.name))
     named = [head.reference for head in heads if head.reference is not None]
-    leading = [h for h in sorted_heads if (h.index == named[0] if named else is_unturned(h))]
-    first = (leading or sorted_heads)[0]
-    return [first, *(head for head in sorted_heads if head is not first)]
-
-
-def is_unturned(head: Head) -> bool:
-    """Tell whether a head has angles, and all of them are zero."""
-    return len(head.relatives_deg) > 0 and not any(head.relatives_deg)
+    leading = [h for h in by_number if (h.index == named[0] if named else h.is_unturned)]
+    first = (leading or by_number)[0]
+    return [first, *(head for head in by_number if head is not first)]
 
 
 def sentence(heads: Sequence[Head]) -> str:
@@ -453,15 +459,14 @@ def sentence(heads: Sequence[Head]) -> str:
     names = {head.index: head.name for head in heads}
     references = dict.fromkeys(h.reference for h in heads if h.reference is not None)
     first = in_order(heads)[0]
-    why = "whose own angles are zero" if is_unturned(first) else "the first"
+    why = "whose own angles are zero" if first.is_unturned else "the first"
     which = " or ".join(names.get(r, f"head {r}") for r in references)
-    text = (
+    apart = "; no angles join the rigs, whose references look in one direction at first"
+    return (
         "RigRelatives a, b, c are degrees; Rx(a) Ry(b) Rz(c) turns a ray of a head into its "
         f"reference, {which or f'which no file names: {first.name}, {why}'}; y down, z ahead"
+        f"{apart if len(references) > 1 else ''}"
     )
-    if len(references) > 1:
-        text += "; no angles join the rigs, whose references look in one direction at first"
-    return text
 
 
 # --- Grey values by the metadata: dark level and vignetting. Nothing is applied to pixels
@@ -497,22 +502,6 @@ def dark_level(tags: Tags) -> float | None:
     return float(np.mean(levels)) if levels else None
 
 
-def sentences(pictures: Sequence[Tags]) -> list[str]:
-    """Return sentences on the grey values of heads, from one picture each."""
-    texts = []
-    if dark := [level for level in map(dark_level, pictures) if level is not None]:
-        texts.append(f"dark level {min(dark):g} to {max(dark):g}, not subtracted")
-    at_corners = [
-        vignetting(t, np.array([[0, 0], [t.width_px, 0], [0, t.height_px]])) for t in pictures
-    ]
-    if corner := [float(values.min()) for values in at_corners if values is not None]:
-        texts.append(
-            f"vignetting of {number_of(len(corner), 'heads')}, corners with {min(corner):.2f} to "
-            f"{max(corner):.2f} of the middle, not applied"
-        )
-    return texts
-
-
 # --- The camera of a picture, by what its tags say of the lens and the sensor
 
 
@@ -520,7 +509,6 @@ FOCAL, UNITS = "Camera:PerspectiveFocalLength", "Camera:PerspectiveFocalLengthUn
 POINT, DISTORTION = "Camera:PrincipalPoint", "Camera:PerspectiveDistortion"
 DEWARP, DESIGNED = "drone-dji:DewarpData", "drone-dji:CalibratedFocalLength"
 POLYNOMIAL, MATRIX = "Camera:FisheyePolynomial", "Camera:FisheyeAffineMatrix"
-CENTRE = ("drone-dji:CalibratedOpticalCenterX", "drone-dji:CalibratedOpticalCenterY")
 RESOLUTION, RESOLUTION_UNIT = "FocalPlaneXResolution", "FocalPlaneResolutionUnit"
 WIDTH_35_MM = 36.0
 PX_OF_WIDTH = 0.1
@@ -579,10 +567,9 @@ def lens_of(tags: Tags, name: str, *, known_pixel_mm: float | None = None) -> Le
     pixel = _pixel_mm(tags) or known_pixel_mm
     shape, said, f_px = (_fisheye if model == "fisheye" else _perspective)(tags, pixel)
     f_mm = tags.number("FocalLength")
-    try:  # without the size of a pixel: by the focal lengths, or 1 um where nothing says it
+    with safe.told(partial(tags.wrong, "lens"), "must be one of a camera"):
+        # without the size of a pixel: by the focal lengths, or 1 um where nothing says it
         camera, left = shape.nearest(name, pixel or (f_mm / f_px if f_mm and f_px else 1e-3))
-    except (ValueError, ArithmeticError) as error:
-        raise tags.wrong("lens", str(error), "must be one of a camera") from None
     numbers = {key: float(f"{value:.12g}") for key, value in vars(camera.interior).items()}
     interior = replace(camera.interior, **numbers)  # digits that mean something
     return Lens(camera=camera.with_interior(interior), said=said, fitted=left)
@@ -638,19 +625,13 @@ def _perspective(tags: Tags, pixel: float | None) -> tuple[lens.Lens, str, float
         unit = "px" if f == tags.numbers(FOCAL)[0] else "mm"
         said = f"focal length in {unit}, principal point and distortion from XMP, {FOCAL}"
     elif designed:
-        cx, cy = (
-            middle if (centre := tags.number(key)) is None else centre - 0.5
-            for key, middle in zip(CENTRE, (col, row), strict=True)
-        )
-        matrix = (designed, designed, cx, cy)
+        matrix = (designed, designed, col, row)
         said = f"designed focal length from XMP, {DESIGNED}, no distortion"
     else:
         designed, said = _nominal(tags, pixel)
         matrix = (designed, designed, col, row)
-    try:
+    with safe.told(partial(tags.wrong, "lens"), "must be one of a camera"):
         hole = Pinhole(**dict(zip(("fx", "fy", "cx", "cy"), matrix, strict=True)))
-    except ValueError as error:
-        raise tags.wrong("lens", str(error), "must be one of a camera") from None
     shape = lens.Lens(
         width_px=tags.width_px,
         height_px=tags.height_px,
@@ -685,9 +666,6 @@ def _fisheye(tags: Tags, pixel: float | None) -> tuple[lens.Lens, str, float]:
     c, d, e, f = matrix
     if len(p) < 2 or p[0] != 0 or p[1] <= 0:
         raise tags.wrong(POLYNOMIAL, quoted(list(p)), "must be 0, a positive number, and others")
-    if c <= 0 or f <= 0 or c * f - d * e <= 0:
-        expected = "must be C, D, E, F with positive C and F"
-        raise tags.wrong(MATRIX, quoted([c, d, e, f]), expected)
     shape = lens.fisheye(
         p,
         (c, d, e, f),

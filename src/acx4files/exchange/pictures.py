@@ -45,15 +45,6 @@ _HELD: dict[str, Any] = {"stages": {"mounting": {"estimate": [], "fix": ["lever_
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Taken:
-    """One picture: its metadata, its head, its file below the flight's block."""
-
-    tags: Tags
-    head: Head
-    file: str
-
-
-@dataclass(frozen=True, kw_only=True)
 class _Shot:
     """The pictures of one exposure, its name, and what the first of them says for all.
 
@@ -61,21 +52,21 @@ class _Shot:
     """
 
     name: str
-    taken: tuple[_Taken, ...]
+    taken: tuple[Tags, ...]
     mark: Mark | None
     place: tuple[float, float, float]
 
     @property
     def tags(self) -> Tags:
         """The metadata of its first picture."""
-        return self.taken[0].tags
+        return self.taken[0]
 
     @property
     def sigma(self) -> tuple[float, float, float]:
         """Sigma of the position, m; a navigation receiver's where no picture states it."""
         if self.mark is not None and min(self.mark.sigma_m) > 0:
             return self.mark.sigma_m
-        known = (metadata.sigma_of(picture.tags) for picture in self.taken)
+        known = (metadata.sigma_of(picture) for picture in self.taken)
         return next((sigma for sigma in known if sigma is not None), NAVIGATION)
 
     @property
@@ -127,12 +118,12 @@ def read_folder(
         With a line for every picture that cannot be read, or where a number in it is none.
     """
     taken, others = _alike(_read_all(source))
-    marks, sums = _marks({picture.tags.path.parent for picture in taken})
+    marks, sums = _marks({picture.path.parent for picture in taken})
     shots, without = _shots(taken, marks)
     heads = metadata.in_order(
         list({picture.head.name: picture.head for s in shots for picture in s.taken}.values())
     )
-    first = {picture.head.name: picture.tags for shot in reversed(shots) for picture in shot.taken}
+    first = {picture.head.name: picture for shot in reversed(shots) for picture in shot.taken}
     known = None if pixel_um is None else pixel_um / 1000
     lenses = {h.name: lens_of(first[h.name], h.name, known_pixel_mm=known) for h in heads}
     for name, lens in lenses.items():
@@ -163,18 +154,18 @@ def read_folder(
         tables |= {f"{block}/{name}": table for name, table in _tables(some).items()}
     return ImportedFlight(
         source=f"pictures of {', '.join(dict.fromkeys(map(_maker, taken)))}",
-        sha256={**{picture.file: picture.tags.sha256 for picture in taken}, **sums},
+        sha256={**{f"images/{picture.file}": picture.sha256 for picture in taken}, **sums},
         settings=settings,
         tables=tables,
         pictures={
-            f"{block}/{picture.file}": picture.tags.path
+            f"{block}/images/{picture.file}": picture.path
             for block, some in blocks.items()
             for shot in some
             for picture in shot.taken
         },
         warnings=tuple(_warnings(shots, taken, lenses)),
         assumed=tuple(assumed),
-        found=tuple(_found(shots, heads, lenses, first)),
+        found=tuple(_found(shots, lenses)),
         left_out=(*others, *without),
     )
 
@@ -200,7 +191,7 @@ def _blocks(
 # --- which pictures, and which of them are of one exposure -----------------------------------
 
 
-def _read_all(source: Path) -> list[_Taken]:
+def _read_all(source: Path) -> list[Tags]:
     """Return all pictures of a folder."""
     if not source.is_dir():
         raise refusal(str(source), 1, "folder", "is no folder", "must be one with pictures")
@@ -208,13 +199,12 @@ def _read_all(source: Path) -> list[_Taken]:
     if not paths:
         fault = f"holds no pictures ({', '.join(SUFFIXES)})"
         raise refusal(str(source), 1, "folder", fault, "must hold one at least")
-    taken: list[_Taken] = []
+    taken: list[Tags] = []
     problems: list[str] = []
     for path in paths:
         try:
-            tags = read(path)
-            file = f"images/{path.relative_to(source).as_posix()}"
-            taken.append(_Taken(tags=tags, head=metadata.head_of(tags), file=file))
+            taken.append(replace(read(path), file=path.relative_to(source).as_posix()))
+            _ = taken[-1].head
         except FlightError as error:
             problems += error.problems
     if problems:
@@ -222,42 +212,42 @@ def _read_all(source: Path) -> list[_Taken]:
     return taken
 
 
-def _alike(taken: Sequence[_Taken]) -> tuple[list[_Taken], list[str]]:
+def _alike(taken: Sequence[Tags]) -> tuple[list[Tags], list[str]]:
     """Return the pictures of the most frequent size and kind, and a message on the others."""
-    kinds = Counter(picture.tags.kind for picture in taken)
+    kinds = Counter(picture.kind for picture in taken)
     usual = max(kinds, key=lambda kind: (kinds[kind], kind))
-    others = [picture.tags.path.name for picture in taken if picture.tags.kind != usual]
+    others = [picture.path.name for picture in taken if picture.kind != usual]
     width, height, samples, bits = usual
     message = (
         f"{number_of(len(others), 'pictures')} of another kind than {width} x {height} px, "
         f"{samples} x {bits} bit: {_some(others)}"
     )
-    alike = [picture for picture in taken if picture.tags.kind == usual]
+    alike = [picture for picture in taken if picture.kind == usual]
     return alike, [message] if others else []
 
 
 def _shots(
-    taken: Sequence[_Taken], marks: Mapping[Path, Mapping[int, Mark]]
+    taken: Sequence[Tags], marks: Mapping[Path, Mapping[int, Mark]]
 ) -> tuple[list[_Shot], list[str]]:
     """Return the exposures with a position in the order of time, and a message on the others.
 
     A head has one picture of each. Names that occur twice get their folder's.
     """
-    groups: dict[str, list[_Taken]] = {}
+    groups: dict[str, list[Tags]] = {}
     for picture in taken:
-        groups.setdefault(metadata.key(picture.tags), []).append(picture)
+        groups.setdefault(metadata.key(picture), []).append(picture)
     for group in groups.values():
         _require_heads(group)
-    in_time = sorted(groups.values(), key=lambda g: (_when(g[0].tags), str(g[0].tags.path)))
-    often = Counter(metadata.name_of(group[0].tags) for group in in_time)
+    in_time = sorted(groups.values(), key=lambda g: (_when(g[0]), str(g[0].path)))
+    often = Counter(metadata.name_of(group[0]) for group in in_time)
     shots, without = [], []
     for group in in_time:
-        tags, name = group[0].tags, metadata.name_of(group[0].tags)
+        tags, name = group[0], metadata.name_of(group[0])
         number = _OF_FILE.search(name)
         mark = marks[tags.path.parent].get(int(number[1])) if number else None
         place = metadata.place_of(tags) if mark is None else mark.place
         if often[name] > 1:
-            name = str(Path(group[0].file).relative_to("images").with_name(name))
+            name = str(Path(tags.file).with_name(name))
         if place is None:
             without.append(name)
         else:
@@ -265,20 +255,20 @@ def _shots(
     if not shots:
         expected = "needed, and no other picture has a position"
         missing = "GPSLatitude, GPSLongitude, GPSAltitude"
-        raise in_time[0][0].tags.wrong(missing, "missing", expected)
+        raise in_time[0][0].wrong(missing, "missing", expected)
     message = f"{number_of(len(without), 'exposures')} without a position: {_some(without)}"
     return shots, [message] if without else []
 
 
-def _require_heads(group: Sequence[_Taken]) -> None:
+def _require_heads(group: Sequence[Tags]) -> None:
     """Refuse two pictures of one head at one exposure."""
     by_head: dict[str, Tags] = {}
     for picture in group:
-        other = by_head.setdefault(picture.head.name, picture.tags)
-        if other is not picture.tags:
+        other = by_head.setdefault(picture.head.name, picture)
+        if other is not picture:
             fault = f"{picture.head.name} as in {other.path} of the same exposure"
             element = f"{metadata.INDEX}, {metadata.BAND}"
-            raise picture.tags.wrong(element, fault, "must be another head's")
+            raise picture.wrong(element, fault, "must be another head's")
 
 
 def _when(tags: Tags) -> float:
@@ -290,8 +280,8 @@ def _some(names: Sequence[str]) -> str:
     return ", ".join(names[:SAID]) + (", …" if len(names) > SAID else "")
 
 
-def _maker(picture: _Taken) -> str:
-    make, model = (picture.tags.text(name) for name in ("Make", "Model"))
+def _maker(picture: Tags) -> str:
+    make, model = (picture.text(name) for name in ("Make", "Model"))
     return f"{make} {model}".strip() or "an unnamed camera"
 
 
@@ -348,7 +338,7 @@ def _tables(shots: Sequence[_Shot]) -> dict[str, dict[str, list[Any]]]:
         "image": [f"{shot.name} {picture.head.name}" for shot, picture in rows],
         "camera": [picture.head.name for _, picture in rows],
         "exposure": [shot.name for shot, _ in rows],
-        "file": [picture.file for _, picture in rows],
+        "file": [f"images/{picture.file}" for _, picture in rows],
     }
     points: dict[str, list[Any]] = {n: [] for n in ("image", "point", "col_px", "row_px")}
     return {"images.csv": images, "image_points.csv": points, "trajectory.csv": _trajectory(shots)}
@@ -400,7 +390,7 @@ def _courses(shots: Sequence[_Shot]) -> list[float]:
 
 
 def _warnings(
-    shots: Sequence[_Shot], taken: Sequence[_Taken], lenses: Mapping[str, Lens]
+    shots: Sequence[_Shot], taken: Sequence[Tags], lenses: Mapping[str, Lens]
 ) -> Iterator[str]:
     """Yield what may be wrong in marks, sizes, headings and lenses."""
     flags = [shot.mark.flag for shot in shots if shot.mark is not None]
@@ -415,7 +405,7 @@ def _warnings(
         )
     sizes = Counter(
         (tags.width_px, tags.height_px, width, height)
-        for tags in (picture.tags for picture in taken)
+        for tags in taken
         if (width := tags.number("ExifImageWidth"))
         and (height := tags.number("ExifImageHeight"))
         and {width, height} != {tags.width_px, tags.height_px}
@@ -510,18 +500,13 @@ def _clock(shots: Sequence[_Shot]) -> Iterator[str]:
         )
 
 
-def _found(
-    shots: Sequence[_Shot],
-    heads: Sequence[Head],
-    lenses: Mapping[str, Lens],
-    first: Mapping[str, Tags],
-) -> Iterator[str]:
+def _found(shots: Sequence[_Shot], lenses: Mapping[str, Lens]) -> Iterator[str]:
     n = sum(len(shot.taken) for shot in shots)
-    whole = sum(len(shot.taken) == len(heads) for shot in shots)
+    whole = sum(len(shot.taken) == len(lenses) for shot in shots)
     f = [lens.camera.interior.f for lens in lenses.values()]
     worst = max((lens.fitted for lens in lenses.values()), key=lambda fitted: fitted.largest_px)
     yield (
-        f"{number_of(n, 'pictures')} of {number_of(len(heads), 'heads')} at "
+        f"{number_of(n, 'pictures')} of {number_of(len(lenses), 'heads')} at "
         f"{number_of(len(shots), 'exposures')}, {whole} of these complete"
     )
     yield (
@@ -538,7 +523,6 @@ def _found(
             f"(RelativeAltitude of {number_of(len(ground), 'exposures')}, within {spread:.1f} m): "
             f"where the ground is level, acx4 measure takes it by --ground {middle:.0f}"
         )
-    yield from metadata.sentences([first[head.name] for head in heads])
 
 
 # --- Timestamp.MRK of DJI and Autel: positions of an antenna, brought to the camera

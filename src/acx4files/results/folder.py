@@ -108,6 +108,22 @@ Rows = pd.DataFrame | Sequence[pd.DataFrame]
 Summary = dict[str, dict[str, Any]]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """The results of one method, ready to be written.
+
+    Attributes
+    ----------
+    tables : dict of str to DataFrame
+        By the names of `COLUMNS`, with these columns.
+    summary : dict
+        Objects for summary.json, by their keys.
+    """
+
+    tables: Mapping[str, pd.DataFrame]
+    summary: Summary
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Results:
     """The content of a results folder.

@@ -17,7 +17,7 @@ from acx4files.flight.reader import Flight
 from acx4files.results import folder, provenance
 from acx4files.results.folder import RELATIVE
 from acx4files.results.provenance import Run, sha256_of
-from acx4files.results.rows import joint_names
+from acx4files.results.tables import TRANSFERRED, joint_names, measured
 from acx4lib.block import Block
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration.estimates import (
@@ -38,12 +38,6 @@ from acx4lib.synthetic_image.transferred_points import TransferredPoints, synthe
 
 ORIENTED = ("synthetic/refined", "heads/relative_orientation")
 """Results with the orientation of the heads; the first one that exists is used."""
-
-METHOD = "synthetic/points"
-"""Key of the points transferred into synthetic images."""
-
-MEASURED = ("images.csv", "image_points.csv")
-"""Tables of a block on which the transferred points depend."""
 
 
 def read_relative_orientation(
@@ -71,7 +65,7 @@ def read_relative_orientation(
         [folder.parameters(found, stage_method, n)["value"].loc[list(RELATIVE)] for n in names]
     )
     cov = folder.covariance(found, stage_method)
-    labels, scale = joint_names(names, np.array([1.0, 1.0, 1.0, *np.radians(np.ones(3))]))
+    labels, scale = joint_names(names, np.radians(1.0))
     joint = cov.reindex(index=labels, columns=labels, fill_value=0.0).to_numpy()
     entry = found.summary.get(stage_method, {})
     heads = [cameras[name] for name in names]
@@ -207,11 +201,6 @@ def calibrated_methods(found: folder.Results, methods: Sequence[str] = METHODS) 
 # --- points transferred into synthetic images ------------------------------------------------
 
 
-def measured_files(block: str) -> list[str]:
-    """Return the tables of a block on which its transferred points depend."""
-    return [f"{block}/{name}" for name in MEASURED]
-
-
 def mounted_block(flight: Flight, name: str, found: folder.Results) -> Block:
     """Return a block of the mounted camera: synthetic images, if it is measured in heads.
 
@@ -250,9 +239,9 @@ def read_carried(flight: Flight, block: Block, found: folder.Results) -> Transfe
     FlightError
         As `mounted_block`.
     """
-    table = folder.rows(found, "synthetic_points", METHOD)
+    table = folder.rows(found, "synthetic_points", TRANSFERRED)
     table = table[table["block"] == block.name]
-    checksums = found.summary.get(METHOD, {}).get("measured", {})
+    checksums = found.summary.get(TRANSFERRED, {}).get("measured", {})
     transferred = TransferredPoints(
         exposure_idx=index_of(table["image"], block.trajectory.exposures),
         point_idx=index_of(table["point"], block.points),
@@ -261,7 +250,7 @@ def read_carried(flight: Flight, block: Block, found: folder.Results) -> Transfe
         sigma_px=table[["sigma_col_px", "sigma_row_px"]].to_numpy(),
     )
     known = np.stack([transferred.exposure_idx, transferred.point_idx, transferred.camera_idx])
-    now = {file: flight.sha256[file] for file in measured_files(block.name)}
+    now = measured(flight, block.name)
     if not isinstance(checksums, dict) or not now.items() <= checksums.items() or np.any(known < 0):
         problem = (
             f"{found.folder}: block {block.name} is not the one whose points were transferred into "
@@ -345,7 +334,6 @@ def read_earlier(results_path: str | Path, flight: Flight) -> Earlier:
         determined, or are of other cameras: a line for each.
     """
     earlier = Earlier(run=provenance.read_run(results_path))
-    provenance.check_kept(earlier.run, "mounting")
     problems = [f"{earlier.run.folder}: {line}" for line in _differences(earlier, flight)]
     if problems:
         raise FlightError(problems)

@@ -7,12 +7,12 @@ from dataclasses import asdict
 
 import numpy as np
 
-from acx4files.results import adjustments, sentences
-from acx4files.results.adjustments import Record, of_failure, of_left_out
-from acx4lib.bundle import variance_components
+from acx4files.results import sentences, tables
+from acx4files.results.folder import Record
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.variance_components import BOUNDS, Component
 from acx4lib.calibration import diagnosis, held
+from acx4lib.calibration.determination import interior_exterior, largest_pairs
 from acx4lib.calibration.diagnosis import Diagnosis, Weak
 from acx4lib.calibration.estimates import (
     LIMIT_SCALE,
@@ -40,8 +40,12 @@ OPTIONAL = (*TWO_STEP, *RIGS)
 def of_head(name: str, bundle: Bundle) -> Record:
     """Return the record of a head that was adjusted by itself."""
     key, of_bundle = f"heads/bundle/{name}", diagnosis.of(bundle)
-    entry = {**_entries(key, "bundle", of_bundle), **_held_entries(held.of_bundle(bundle))}
-    return adjustments.of_bundle(key, bundle, of_bundle.calibration, entry)
+    entry = {
+        **_entries(key, "bundle", of_bundle),
+        **_held_entries(held.of_bundle(bundle)),
+        "largest_correlations": {**largest_pairs(interior_exterior(bundle))},
+    }
+    return tables.of_bundle(key, bundle, of_bundle.calibration, entry)
 
 
 def of_mounting(
@@ -71,7 +75,7 @@ def of_mounting(
         d, sigma = moved
         entry["held_effect_m"] = np.abs(d).max(axis=0).tolist()
         entry["held_effect_sigma"] = np.abs(d / sigma).max(axis=0).tolist()
-    return adjustments.of_bundle(key, mounting.bundle, mounting.calibration, entry)
+    return tables.of_bundle(key, mounting.bundle, mounting.calibration, entry)
 
 
 def of_mountings(
@@ -88,11 +92,8 @@ def of_mountings(
         of_mounting(m, applied=applied, over_ground=over_ground) for m in mountings.methods.values()
     ]
     for method, reason in mountings.failures.items():
-        if method == "single_step":
-            key = f"mounting/{method}"
-            records.append(of_failure("mounting", method, f"{key}: {reason}", summary_key=key))
-        else:
-            records.append(of_left_out("mounting", method, reason))
+        of = "not_determined" if method == "single_step" else "left_out"
+        records.append(tables.not_adjusted(f"mounting/{method}", reason, of=of))
     return records
 
 
@@ -118,7 +119,7 @@ def of_validations(
     """
     if not validations:
         reason = "no method has all its parameters determined"
-        return [of_left_out("validation", "all", reason)]
+        return [tables.not_adjusted("validation/all", reason)]
     records = []
     for validation in validations:
         entry: dict[str, object] = {}
@@ -128,7 +129,7 @@ def of_validations(
             found = diagnosis.of_shares(calibration, shares)
             key = f"validation/{validation.method}"
             entry = _entries_of_weak(key, found, features, late=late)
-        records.append(adjustments.of_validation(validation, entry))
+        records.append(tables.of_validation(validation, entry))
     return records
 
 
@@ -149,7 +150,7 @@ def _entries(key: str, method: str, found: Diagnosis) -> dict[str, object]:
     ]
     # a held lever arm, or a group that contradicts the others, makes right sigma look wrong
     judged = () if method in TWO_STEP or bundle.stopped else found.components
-    notes = (*_notes(method, found), *variance_components.sentences(judged))
+    notes = (*_notes(method, found), *sentences.sigmas(judged))
     return {
         "expected_rejections": found.expected_rejections,
         "condition": bundle.solution.condition,
@@ -161,7 +162,16 @@ def _entries(key: str, method: str, found: Diagnosis) -> dict[str, object]:
         else {"strips": _turns(found.between_strips), "drift": _turns(found.over_time)},
         "not_determined": unknown,
         "left_out": unknown if method in OPTIONAL else [],
-        "sigma_factors": variance_components.as_json(found.components),
+        "sigma_factors": {
+            c.group: {
+                "factor": c.factor if c.estimable else None,
+                "sigma": c.sigma if c.estimable else None,
+                "applied": c.applied,
+                "redundancy": c.redundancy,
+                "effective_redundancy": c.effective,
+            }
+            for c in found.components
+        },
         "sigma_tests": {
             test.group: {k: v for k, v in asdict(test).items() if k != "group"}
             for test in found.sigma_tests

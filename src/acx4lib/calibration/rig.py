@@ -65,8 +65,11 @@ def calibrate(block: Block, model: Model, *, step: Step = single_step) -> Mounti
     AdjustmentError
         Where it does not converge.
     """
+    free = tuple(dict.fromkeys(("f", *model.free)))
+    names = [free] if "f" in model.free else [free, tuple(model.free)]
+    parts = ((), model.fix) if model.fix else ((),)
     outcomes: list[Mounting | Failed] = []
-    for trial in _holding(model):
+    for trial in (replace(model, free=one, fix=fix) for one in names for fix in parts):
         rig = attempt(_adjusted, step, block, trial)
         if isinstance(rig, Mounting) and not undetermined(rig.calibration):
             return rig
@@ -75,14 +78,6 @@ def calibrate(block: Block, model: Model, *, step: Step = single_step) -> Mounti
     if isinstance(outcome, Failed):
         raise outcome.error
     return outcome
-
-
-def _holding(model: Model) -> list[Model]:
-    """Return the models in the order in which they are tried until all is determined."""
-    free = tuple(dict.fromkeys(("f", *model.free)))
-    names = [free] if "f" in model.free else [free, tuple(model.free)]
-    parts = ((), model.fix) if model.fix else ((),)
-    return [replace(model, free=one, fix=fix) for one in names for fix in parts]
 
 
 def _adjusted(step: Step, block: Block, model: Model) -> Mounting:
@@ -229,7 +224,7 @@ def relative_orientation(
         first, others = open_ones[0], len(open_ones) - 1
         so_are = f"; so are {others} others" if others else ""
         raise AdjustmentError(f"{first.camera} {first.name} is not determined{so_are}")
-    heads, n = calibration.cameras, len(calibration.cameras)
+    heads = calibration.cameras
     scale = image_scale(rig)
     R_s_b = synthetic.T_b_c.R.T
     T_b_h = mountings(heads)
@@ -243,10 +238,8 @@ def relative_orientation(
         _less_first(J, T_b_h.R)
     columns = np.hstack([calibration.layout.interior, calibration.layout.mount]).ravel()
     estimated = columns >= 0
-    cov = np.zeros((16 * n, 16 * n))
-    cov[np.ix_(estimated, estimated)] = calibration.cov[
-        np.ix_(columns[estimated], columns[estimated])
-    ]
+    J = J[:, estimated]
+    cov = calibration.cov[np.ix_(columns[estimated], columns[estimated])]
     return RelativeOrientation(
         heads=heads,
         xyz_mm=xyz,

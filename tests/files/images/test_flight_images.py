@@ -12,8 +12,8 @@ from scipy.ndimage import binary_erosion
 from acx4files import flight as flights
 from acx4files.images.flight_images import render_flight
 from acx4files.images.tiff import read_about
-from acx4files.results import adjustments
 from acx4files.results import folder as found_results
+from acx4files.results import provenance, tables
 from acx4lib.errors import AdjustmentError, FlightError
 from support.flights import pictured
 
@@ -162,10 +162,10 @@ def test_heads_are_needed_with_their_orientation(rendered, own, tmp_path):
 
 def test_a_refined_orientation_goes_before_the_other(rendered, own):
     refined = pictured.orientation()
-    adjustments.write(
+    provenance.write(
         own[1],
         "synthetic",
-        [adjustments.of_relative_orientation("synthetic", "refined", refined)],
+        [tables.of_relative_orientation("synthetic/refined", refined)],
         flight=flights.read(own[0]),
     )
     _, report = rendered(of=own)

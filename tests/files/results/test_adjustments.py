@@ -9,10 +9,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from acx4files import flight as flights
-from acx4files.results import adjustments, read_back
 from acx4files.results import folder as results
-from acx4files.results.adjustments import of_transferred
-from acx4files.results.read_back import METHOD, mounted_block
+from acx4files.results import read_back, tables
+from acx4files.results.read_back import mounted_block
+from acx4files.results.tables import TRANSFERRED, of_transferred
 from acx4files.stages import diagnosed
 from acx4lib.block import select_images
 from acx4lib.calibration import estimates, mounting
@@ -127,7 +127,7 @@ def _only_validation(flown):
 
 
 def test_a_method_that_was_left_out_says_why_and_has_no_rows(tmp_path):
-    record = adjustments.of_left_out("mounting", "two_step", "no control")
+    record = tables.not_adjusted("mounting/two_step", "no control")
     put(tmp_path, "mounting", [record])
     found = results.read(tmp_path)
     assert found.summary["mounting/two_step"]["left_out"] == ["mounting/two_step: no control"]
@@ -180,7 +180,7 @@ def test_heads_come_back_from_their_files_as_they_were(tmp_path):
     )
     said = calibration_heads.relative_orientation(heads, flown.cameras["SYN"])
     bundles = [diagnosed.of_head(name, fit) for name, fit in heads.bundles.items()]
-    oriented = adjustments.of_relative_orientation("heads", "relative_orientation", said)
+    oriented = tables.of_relative_orientation("heads/relative_orientation", said)
     put(tmp_path, "heads", [*bundles, oriented])
     back = read_back.read_relative_orientation(
         results.read(tmp_path), "heads/relative_orientation", flown.cameras
@@ -194,11 +194,11 @@ def test_heads_come_back_from_their_files_as_they_were(tmp_path):
 
 
 def test_every_object_of_the_summary_has_the_same_keys(tmp_path, folder):
-    put(tmp_path, "heads", [adjustments.of_left_out("heads", "relative_orientation", "no")])
+    put(tmp_path, "heads", [tables.not_adjusted("heads/relative_orientation", "no")])
     left_out = results.read(tmp_path).summary["heads/relative_orientation"]
     assert left_out["n_observations"] is None
     for entry in results.read(folder).summary.values():
-        assert adjustments.NO_ADJUSTMENT.keys() < entry.keys()
+        assert tables.NO_ADJUSTMENT.keys() < entry.keys()
 
 
 def test_the_summary_judges_the_sigma_of_every_group_and_says_which_are_wrong(flown):
@@ -334,7 +334,7 @@ def test_both_blocks_come_back_as_they_were_transferred(flight, transferred, kep
 
 
 def test_the_table_has_a_row_for_every_image_and_point(flight, transferred, kept):
-    table = results.rows(results.read(kept), "synthetic_points", METHOD)
+    table = results.rows(results.read(kept), "synthetic_points", TRANSFERRED)
     assert list(table) == [
         *("block", "image", "point", "head"),
         *("col_px", "row_px", "sigma_col_px", "sigma_row_px"),
@@ -343,7 +343,7 @@ def test_the_table_has_a_row_for_every_image_and_point(flight, transferred, kept
     assert not table.duplicated(["block", "image", "point"]).any()
     assert set(table["head"]) == {"LEFT", "RIGHT"}
     assert set(table["image"]) == set(flight.calibration.trajectory.exposures)
-    entry = results.read(kept).summary[METHOD]
+    entry = results.read(kept).summary[TRANSFERRED]
     assert entry["n_left_out"] == sum(points.n_left_out for points in transferred.values())
 
 

@@ -30,17 +30,16 @@ for value in range(*map(int, sys.argv[3:])):
     row = ("{stage}", "{stage}", "CAM", "f_mm", float(value), 0.1, "mm", 0.0)
     rows = pd.DataFrame([row] * 2000, columns=folder.COLUMNS["parameters"])
     summary = {{"{stage}/{stage}": {{"value": value}}}}
-    tables = {{"parameters": rows, "{more}": {more_rows}}}
-    provenance.write(sys.argv[2], "{stage}", tables, summary, flight=flight)
+    record = folder.Record(tables={{"parameters": rows{more}}}, summary=summary)
+    provenance.write(sys.argv[2], "{stage}", [record], flight=flight)
     print(value, flush=True)
 """
 OF_MOUNTING = WRITES.format(
     stage="mounting",
-    more="covariance",
-    more_rows='pd.DataFrame([("mounting", "mounting", "a", "a", value)] * 2000,'
+    more=', "covariance": pd.DataFrame([("mounting", "mounting", "a", "a", value)] * 2000,'
     ' columns=folder.COLUMNS["covariance"])',
 )
-OF_HEADS = WRITES.format(stage="heads", more="rejected", more_rows="[]")
+OF_HEADS = WRITES.format(stage="heads", more="")
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +67,8 @@ def write(flight, folder, value, stage="mounting"):
     row = (stage, stage, "CAM", "f_mm", value, 0.1, "mm", 0.0)
     rows = pd.DataFrame([row] * 2000, columns=results.COLUMNS["parameters"])
     summary = {f"{stage}/{stage}": {"value": value}}
-    provenance.write(folder, stage, {"parameters": rows}, summary, flight=flight)
+    record = results.Record(tables={"parameters": rows}, summary=summary)
+    provenance.write(folder, stage, [record], flight=flight)
 
 
 # --- killed, on a full disk, beside another writer --------------------------------------------

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from numpy.testing import assert_allclose
 
-from acx4files.results import rows
+from acx4files.results import tables
 from acx4lib.block import NO_POINTS, ImagePoints, Images, SurveyedPoints
 from acx4lib.bundle.adjust import (
     adjust,
@@ -478,7 +478,7 @@ def test_a_held_pose_stays_exactly_and_has_no_sigma(pair, noisy_block):
     assert fit.oriented.all()
     owners = {name.partition("/")[0] for name in fit.network.column_names()}
     assert not owners & {noisy_block.images.names[i] for i in HELD}
-    table = rows.exterior_orientations(fit)
+    table = tables.exterior_orientations(fit)
     sigma = table[[c for c in table if c.startswith("sigma")]].to_numpy()
     assert not sigma[HELD].any()
     assert (np.delete(sigma, HELD, axis=0) > 0).all()

@@ -132,11 +132,10 @@ def _read(file: Opened, camera: str = "") -> Table:
         raise file.wrong("file", "has no measurement", "must have blocks: image camera; point x y")
     cells = {
         "image": [header.cells[0] for header, _ in pairs],
-        "camera": [camera or (*header.cells, CAMERA)[min(len(header), 1)] for header, _ in pairs],
+        "camera": [camera or (*header.cells, CAMERA)[1] for header, _ in pairs],
     }
-    cells |= {
-        name: [row.cell(k, name) for _, row in pairs] for k, name in enumerate(["point", "x", "y"])
-    }
+    for k, name in enumerate(("point", "x", "y")):
+        cells[name] = [row.cell(k, name) for _, row in pairs]
     lines = np.array([row.number for _, row in pairs])
     table = checked(Table(file=file.file, lines=lines), cells, LISTED)
     if table.problems:
