@@ -482,8 +482,8 @@ def test_the_folder_of_a_name_is_safe(name, folder):
     assert len(flights.folder_name("lab-6", "é" * 200).encode()) < 255
 
 
-@pytest.mark.parametrize("content", [None, b"", b"secret", b"x" * 5000])
-def test_a_key_that_is_missing_short_or_long_is_refused_with_the_cure(tmp_path, content):
+@pytest.mark.parametrize("content", [None, b"", b"secret"])
+def test_a_key_that_is_missing_or_short_is_refused_with_the_cure(tmp_path, content):
     path = tmp_path / "key.txt"
     if content is not None:
         path.write_bytes(content)
