@@ -16,6 +16,7 @@ from acx4lib.calibration.diagnosis import MOST, RESTS, Weak
 from acx4lib.calibration.estimates import (
     ENOUGH,
     LIMIT_BORESIGHT_DEG,
+    LIMIT_SCALE,
     Calibration,
     Parameter,
     features,
@@ -28,7 +29,7 @@ from acx4lib.calibration.estimates import (
 from acx4lib.calibration.trajectory_errors import ByCourse
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES, BORESIGHT, LEVER_ARM
-from acx4lib.georeferencing.validation import Prediction
+from acx4lib.georeferencing.validation import Prediction, Validation
 from acx4lib.least_squares.covariance import correlation
 
 SPEEDS = "strips flown at different speeds at one height, or the lever arm held"
@@ -324,7 +325,27 @@ def on_trajectory(bundle: Bundle) -> list[str]:
     return out
 
 
-# --- exposures that took no part in a calibration --------------------------------------------
+# --- validations -----------------------------------------------------------------------------
+
+
+def on_validation(found: Validation) -> list[str]:
+    """Return warnings on many rejections and on a height offset of all check points."""
+    out = []
+    n_rejected = sum(r.kind == "image_point" for r in found.rejected)
+    n_measured = n_rejected + found.n_observations // 2
+    if n_rejected > 0.1 * n_measured:  # no single gross errors
+        out.append(
+            f"{n_rejected} of {n_measured} measurements of check points do not fit the others: "
+            "rather a wrong calibration or trajectory than so many gross errors"
+        )
+    offset, share = found.height_offset
+    if abs(share) > LIMIT_SCALE:
+        out.append(
+            f"the check points come out {abs(offset):.1f} m too {'high' if offset > 0 else 'low'}, "
+            f"{100 * abs(share):.1f} % of the flying height: the height system of check "
+            "points or trajectory, or the focal length, is wrong"
+        )
+    return out
 
 
 def prediction(found: Prediction) -> str:

@@ -12,6 +12,7 @@ from acx4files.results.folder import Record
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.variance_components import BOUNDS, Component
 from acx4lib.calibration import diagnosis, held
+from acx4lib.calibration.determination import interior_exterior, largest_pairs
 from acx4lib.calibration.diagnosis import Diagnosis, Weak
 from acx4lib.calibration.estimates import (
     LIMIT_SCALE,
@@ -39,7 +40,11 @@ OPTIONAL = (*TWO_STEP, *RIGS)
 def of_head(name: str, bundle: Bundle) -> Record:
     """Return the record of a head that was adjusted by itself."""
     key, of_bundle = f"heads/bundle/{name}", diagnosis.of(bundle)
-    entry = {**_entries(key, "bundle", of_bundle), **_held_entries(held.of_bundle(bundle))}
+    entry = {
+        **_entries(key, "bundle", of_bundle),
+        **_held_entries(held.of_bundle(bundle)),
+        "largest_correlations": {**largest_pairs(interior_exterior(bundle))},
+    }
     return tables.of_bundle(key, bundle, of_bundle.calibration, entry)
 
 

@@ -69,17 +69,6 @@ def _scores(window: Array, energy: np.float32, patch: Array, sums: Array, score:
     return good
 
 
-@inlined
-def _highest(score: Array) -> tuple[int, int]:
-    """Return the column and the row of the first maximum."""
-    best, best_x, best_y = score[0, 0], 0, 0
-    for y in range(len(score)):
-        for x in range(len(score)):
-            if score[y, x] > best:
-                best, best_x, best_y = score[y, x], x, y
-    return best_x, best_y
-
-
 @compiled
 def correlate_points(
     a: Array, b: Array, at: Index, near: Index, half: int, search: int
@@ -126,7 +115,8 @@ def correlate_points(
                 patch[j, i] = b[nrow - reach + j, ncol - reach + i] - level
         if not _scores(window, energy, patch, sums, score):
             continue
-        x, y = _highest(score)
+        best = score.argmax()
+        x, y = best % places, best // places
         coefficient[p] = score[y, x]
         if 0 < x < places - 1 and 0 < y < places - 1:
             along_x = _peak(score[y, x - 1], score[y, x], score[y, x + 1])

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from acx4lib import expected
 from acx4lib.expected import Array, Index
 from acx4lib.tie_points.compiled import (
     N_UNKNOWNS,
@@ -20,7 +19,7 @@ from acx4lib.tie_points.compiled import (
 POLE = np.sqrt(3.0) - 2.0  # of the filter that gives the coefficients of a cubic spline
 REACH = 12  # px; beyond it that filter has less than 1e-6 of its weight
 WITNESSES = 64  # windows for the correlation of noise from residuals: sigma to a tenth
-AT_A_TIME = 512  # windows, so that their design matrices need little memory
+AT_A_TIME = 128  # windows, so that their design matrices need little memory
 LEAST_NOISE = 0.01  # of grey values that were rounded and averaged, however alike they are
 
 
@@ -65,7 +64,6 @@ def spline_coefficients(image: Array) -> Array:
     .. [1] M. Unser, "Splines: a perfect fit for signal and image processing", IEEE Signal
        Processing Magazine 16(6), 1999.
     """
-    expected.shape("image", image, ("rows", "cols"))
     taps = POLE ** np.abs(np.arange(-REACH, REACH + 1))
     taps = (taps / taps.sum()).astype(np.float32)
     # subtracted, so that the numbers are small and keep their digits
@@ -103,9 +101,6 @@ def correlate(
     coefficient : ndarray, shape (n,)
         Its maximum.
     """
-    _check(a, b, at, near)
-    expected.whole("half", half)
-    expected.whole("search", search, least=0)
     return correlate_points(a, b, at.astype(np.int64), np.rint(near).astype(np.int64), half, search)
 
 
@@ -137,8 +132,6 @@ def match(a: Array, b: Array, at: Index, near: Array, *, half: int) -> Matches:
        technique", South African Journal of Photogrammetry, Remote Sensing and Cartography
        14(3), 1985.
     """
-    _check(a, b, at, near)
-    expected.whole("half", half)
     colrow, gain, residuals = match_points(
         a, _spline_of_seen(b), at.astype(np.int64), np.asarray(near, float), half
     )
@@ -147,14 +140,6 @@ def match(a: Array, b: Array, at: Index, near: Array, *, half: int) -> Matches:
     if len(matched):
         sigma[matched] = _sigmas(a, at[matched], half, residuals[matched], gain[matched])
     return Matches(colrow=colrow, sigma_px=sigma, gain=gain)
-
-
-def _check(a: Array, b: Array, at: Index, near: Array) -> None:
-    """Raise a ValueError where the arguments are not two images and positions in them."""
-    expected.shape("a", a, ("rows", "cols"))
-    expected.shape("b", b, ("rows", "cols"))
-    expected.shape("at", at, ("n", 2))
-    expected.shape("near", near, (len(at), 2))
 
 
 # --- precision of a match ------------------------------------------------------------------

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
+from scipy import optimize, sparse
 
 from acx4lib import expected, shown
 from acx4lib.bundle.start import HUBER_WIDTH, SUSPECT, sizes, spread
@@ -48,9 +48,6 @@ if TYPE_CHECKING:
 
 ALPHA = 0.01
 """Probability of a component where the noise of the tie points explains the scatter."""
-
-HALVINGS = 60
-"""Of the interval in which a variance is looked for."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -116,12 +113,12 @@ def _variance(x: Array, c: Array) -> float:
     dof = (len(x) - 1) * x.shape[1]
     if statistics.chi2_sf(_weighted_squares(x, c, 0.0), dof) > ALPHA:
         return 0.0
-    low, high = 0.0, float(np.sum((x - x.mean(axis=0)) ** 2))
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        too_small = _weighted_squares(x, c, middle) > dof
-        low, high = (middle, high) if too_small else (low, middle)
-    return high
+    largest = float(np.sum((x - x.mean(axis=0)) ** 2))
+    return float(
+        optimize.brentq(
+            lambda t: _weighted_squares(x, c, t) - dof, 0.0, largest, xtol=1e-15 * largest
+        )
+    )
 
 
 def _weighted_squares(x: Array, c: Array, t: float) -> float:

@@ -16,7 +16,6 @@ from acx4files.exchange.project import (
     Trajectory,
     flight_of,
     grid_poses_of_ecef,
-    nowhere,
 )
 from acx4files.exchange.safe import Opened
 from acx4lib.errors import FlightError
@@ -60,6 +59,11 @@ def test_only_what_is_known_proves_anything():
     assert "its points are reprojected by the cameras as imported to 3 px rms" in str(
         flight_of(PROJECT).found
     )
+    astray = replace(MEASURED, colrow=MEASURED.colrow + 10.0)
+    for is_own in (False, True):  # surveyed points need not fit, the program's own must
+        proof = Proof(whose="its points", measured=astray, is_own=is_own)
+        warnings = flight_of(replace(PROJECT, proofs=(proof,))).warnings
+        assert ["its points are reprojected" in one for one in warnings] == [True] * is_own
     unknown = replace(MEASURED, x_w=np.full((2, 3), np.nan))
     nothing = replace(PROJECT, proofs=(Proof(whose="its points", measured=unknown),))
     assert any(one.startswith("nothing proves") for one in flight_of(nothing).found)
@@ -93,7 +97,7 @@ def test_images_that_the_trajectory_lacks_do_not_come_along():
 
 
 def test_adjusted_orientations_need_a_place():
-    lost = replace(PROJECT, in_grid=nowhere(FILE.wrong("crs", "none", "give one")))
+    lost = replace(PROJECT, in_grid=FILE.wrong("crs", "none", "give one"))
     with pytest.raises(FlightError, match=r"x\.json:1: crs: none; give one"):
         flight_of(replace(lost, orientations="adjusted"))
     assert flight_of(lost).left_out == ("1 adjusted orientation (--orientations adjusted)",)

@@ -131,20 +131,6 @@ def test_a_row_of_the_trajectory_that_is_wrong_stays_rejected(turned):
     assert not np.isfinite(found.bundle.network.observed.sigma_attitude[12:15]).any()
 
 
-def test_attitudes_that_are_vague_and_wrong_by_degrees_are_no_hindrance(turned):
-    trajectory, rng = turned.trajectory, np.random.default_rng(7)
-    R = trajectory.T_m_b.R @ exp(0.2 * rng.normal(size=(len(trajectory), 3)))
-    vague = replace(
-        trajectory,
-        T_m_b=replace(trajectory.T_m_b, R=R),
-        sigma_attitude=np.full_like(trajectory.sigma_attitude, 0.2),
-    )
-    block = replace(turned, trajectory=vague, smallest_angle=np.radians(25.0))
-    found = single_step(block, Model(free=FREE, fix=("lever_arm",)))
-    assert_allclose(found.calibration.turns, SIGMA, rtol=0.4)
-    assert 0.8 < found.bundle.solution.sigma0_sq < 1.25
-
-
 # --- jackknife over exposures ----------------------------------------------------------------
 
 

@@ -219,7 +219,7 @@ def test_an_exposure_without_any_measurement_is_an_image(measured, seen):
 
 
 def test_a_camera_that_is_no_head_is_refused(seen):
-    with pytest.raises(ValueError, match="no orientation of SYN"):
+    with pytest.raises(ValueError, match=r"names of CAM1, .*, got .SYN"):
         transfer(seen, in_heads.true_orientation(), seen.cameras[0])
 
 

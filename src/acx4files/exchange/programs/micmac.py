@@ -148,7 +148,7 @@ def read_project(
         {str(k): x_w for k, (_, x_w, _) in enumerate(content.own)},
     )
     for kind, of in (("image", names), ("camera", cameras.values()), ("point", measured.points)):
-        project.require_names([*of], project.naming(partial(content.read[0].wrong, kind)))
+        project.require_names(of, partial(content.read[0].wrong, kind))
     unknown = [name for name in measured.points if name not in content.places]
     unseen = [name for name in content.places if name not in measured.points]
     ties = "measured points are tie points, since their coordinates are not there"
@@ -170,7 +170,7 @@ def read_project(
         measured=measured,
         proofs=(
             Proof(whose="surveyed points", measured=measured),
-            Proof(whose="points that MicMac projected itself (Verif)", measured=own),
+            Proof(whose="points that MicMac projected itself (Verif)", measured=own, is_own=True),
         ),
         control=Control(names=(*content.places,), enh=surveyed[:, 0], sigma=surveyed[:, 1]),
         settings={} if crs is None else {"crs": crs, "heights": "ellipsoidal"},
