@@ -86,7 +86,7 @@ def open_mounting(alone):
         components(single.bundle),
         attempt(two_step, replace(block, control=block.control[:1]), Model(free=free)),
         acx.calibrate(alone),
-        acx.calibrate(alone).mountings,
+        acx.calibrate(alone),
         given(block.cameras),
         *(checked, checked.pairs, found, rays, intersect_rays(alone.validation, found, rays)),
     ]

@@ -207,7 +207,7 @@ def absorbed_of_run(flight: Flight, found: folder.Results) -> Absorption | None:
     if "mounting/single_step" not in found.summary:
         return None
     block = mounted_block(flight, "calibration", found)
-    return absorption(mounting.calibrate(flight, block).mountings)
+    return absorption(mounting.calibrate(flight, block))
 
 
 def _largest_correlations(stored: folder.Results) -> dict[str, float]:

@@ -429,6 +429,19 @@ class Formula:
         by_role = dict(zip(self.roles, values, strict=True))
         return lambda points: points + self.effects(points, by_role)
 
+    def lens(
+        self, values: Sequence[float], hole: Pinhole, size: tuple[int, int], wrong: Wrong
+    ) -> Lens:
+        """Return the lens of values, a pinhole and an image's width and height."""
+        return Lens(
+            width_px=size[0],
+            height_px=size[1],
+            hole=hole,
+            distortion=self.distortion(values),
+            is_fisheye=self.is_fisheye,
+            wrong=wrong,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Lens:

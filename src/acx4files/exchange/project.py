@@ -8,11 +8,12 @@ points. Pixels, camera axes and units are the library's; the frame w is any Cart
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from inspect import Signature, signature
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, Protocol, TypeVar, get_type_hints
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from acx4files.exchange.options import Allow, BlockOfProject, PixelUmOfProject
 from acx4files.exchange.safe import Opened, checksums, refusal
 from acx4files.flight.problems import quoted
 from acx4files.flight.table_files import Columns
-from acx4files.flight.tables import faulty
+from acx4files.flight.tables import name_fault
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera
@@ -34,11 +35,20 @@ from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import (
     LOCAL,
     GridSystem,
-    MappingFrame,
     mean_origin,
     rotation_enu_to_ecef,
 )
 from acx4lib.geometry.intersection import intersect
+
+
+class Place(Protocol):
+    """A place in a file: an element, a node, a line."""
+
+    def wrong(self, found: str, expected: str, /) -> FlightError:
+        """Return the error that says what is wrong there."""
+
+
+P = TypeVar("P", bound=Place)
 
 MEANS_NOTHING = (
     "The trajectory is what the program adjusted, camera and body being one: the boresight and "
@@ -55,8 +65,14 @@ NOWHERE = np.full(3, np.nan)
 SHOWN = 8
 """Number of lenses that have a sentence each; more of them have a table in import.md."""
 
-InGrid = Callable[[Pose], tuple[Array, Array]]
-"""From poses in w to east, north, height (m) and omega, phi, kappa (rad) in the flight's grid."""
+InGrid = Callable[[Pose], tuple[Array, Array]] | FlightError
+"""From poses in w to east, north, height (m) and omega, phi, kappa (rad) in the flight's grid; an
+error where the place of w is not known."""
+
+
+def as_they_are(T: Pose) -> tuple[Array, Array]:
+    """Return poses in w as those of a flight on no map."""
+    return T.r, T.opk
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -235,9 +251,8 @@ class Project:
     orientations : {"initial", "adjusted", "none"}
         The trajectory: what was measured of the cameras, what the program adjusted, or none. Images
         whose exposures it has not are left out.
-    in_grid : callable or None
-        The map of poses in w into the grid; it raises a FlightError where the place of w is not
-        known. None where the frames of a program never have a place on the Earth.
+    in_grid : callable or FlightError
+        As `InGrid`.
     placed : tuple of str
         What is assumed where `in_grid` is used.
     trajectory : Trajectory
@@ -260,7 +275,7 @@ class Project:
     control: Control | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     orientations: str = "none"
-    in_grid: InGrid | None = None
+    in_grid: InGrid = as_they_are
     placed: tuple[str, ...] = ()
     trajectory: Trajectory = field(default_factory=Trajectory)
     lost: Mapping[str, int] = field(default_factory=dict)
@@ -311,13 +326,19 @@ def flight_of(
         "camera": [images.cameras[i] for i in rows],
         "exposure": [images.exposures[i] for i in rows],
     }
+    seen = {
+        "image": [images.names[i] for i in inside.image_idx],
+        "point": [inside.points[k] for k in inside.point_idx],
+        **columns("col_px row_px", inside.colrow),
+    }
     if rows:
         fitted = {name: lens for name, lens in fitted.items() if name in listed["camera"]}
     cameras = {name: dict(sensor) for name, sensor in project.sensors.items()}
     cameras |= {name: refitted.table for name, refitted in fitted.items()}
-    settings = {key: value for key, value in project.settings.items() if key != "apriori"}
+    settings = dict(project.settings)
+    apriori = settings.pop("apriori", None)
     settings |= {"cameras": cameras} if cameras or not settings else {}
-    settings |= {key: project.settings[key] for key in ("apriori",) if project.settings.get(key)}
+    settings |= {"apriori": apriori} if apriori else {}
     is_rig = len({*listed["exposure"]}) < len(rows)
     folder = block or ("heads" if is_rig else "calibration")
     lost = {
@@ -329,7 +350,7 @@ def flight_of(
     }
     tables: dict[str, Columns | None] = {
         f"{folder}/images.csv": listed if rows and all(images.cameras) else None,
-        f"{folder}/image_points.csv": _image_points(images, inside) if len(inside.colrow) else None,
+        f"{folder}/image_points.csv": seen if len(inside.colrow) else None,
         "control_points.csv": _control_table(control) if control and control.names else None,
         f"{folder}/trajectory.csv": flown.table,
     }
@@ -386,26 +407,11 @@ def reader(
     return read
 
 
-def nowhere(error: FlightError) -> InGrid:
-    """Return the map into the grid of a frame without a place: it raises an error."""
-
-    def in_grid(_: Pose) -> tuple[Array, Array]:
-        raise error
-
-    return in_grid
-
-
-def as_they_are(T: Pose) -> tuple[Array, Array]:
-    """Return poses in w as those of a flight on no map."""
-    return T.r, T.opk
-
-
 def numbered(lenses: Iterable[Hashable]) -> dict[Any, str]:
     """Return names of cameras that a program has no names for, by their lenses."""
     different = list(dict.fromkeys(lenses))
-    return {
-        lens: "CAM" if len(different) == 1 else f"CAM{k}" for k, lens in enumerate(different, 1)
-    }
+    names = ["CAM"] if len(different) == 1 else [f"CAM{k + 1}" for k in range(len(different))]
+    return dict(zip(different, names, strict=True))
 
 
 def in_crs(source: Path, crs: str | None) -> InGrid:
@@ -419,11 +425,11 @@ def in_crs(source: Path, crs: str | None) -> InGrid:
     """
     if crs is None:
         fault = "adjusted orientations are in coordinates whose CRS the files do not say"
-        return nowhere(refusal(str(source), 1, "crs", fault, "give it by --crs"))
+        return refusal(str(source), 1, "crs", fault, "give it by --crs")
     try:
         coordinates.chosen("", None, crs)
     except ValueError as error:
-        return nowhere(refusal(str(source), 1, "crs", str(error), "must be projected, in metres"))
+        return refusal(str(source), 1, "crs", str(error), "must be projected, in metres")
     return as_they_are
 
 
@@ -452,69 +458,52 @@ def _refitted(
 def _flown(project: Project) -> Trajectory:
     """Return the trajectory that is asked for."""
     images, n = project.images, int(project.images.oriented.sum())
-    is_local, orientations = project.settings.get("crs") == LOCAL, project.orientations
-    if is_local and n and project.trajectory.table is None:
-        orientations = "adjusted"
-    if orientations != "adjusted":
-        trajectory = project.trajectory if orientations == "initial" else Trajectory()
-        hint = (
-            ": their coordinates are in no CRS"
-            if project.in_grid is None
-            else (" (--orientations adjusted)")
-        )
-        remarks = (f"{number_of(n, 'adjusted orientations')}{hint}",) if n else ()
-        return replace(trajectory, left_out=(*trajectory.left_out, *remarks))
+    is_local, measured = project.settings.get("crs") == LOCAL, Trajectory()
+    if project.orientations == "initial":
+        measured = project.trajectory
+    is_adjusted = project.orientations == "adjusted"
+    if not is_adjusted and not (is_local and n and project.trajectory.table is None):
+        said = f"{number_of(n, 'adjusted orientations')} (--orientations adjusted)"
+        return replace(measured, left_out=(*measured.left_out, *([said] if n else [])))
     leaders: dict[str, int] = {}
     for i in np.flatnonzero(images.oriented & images.used).tolist():
         exposure = images.exposures[i]
         if exposure not in leaders or images.names[i] == exposure:
             leaders[exposure] = i
-    if not images.names:
-        return Trajectory()
-    if not leaders or project.in_grid is None:
-        return Trajectory(left_out=("a trajectory: no image is oriented",))
+    if not leaders:
+        nothing = "a trajectory: no image is oriented"
+        return Trajectory(left_out=(nothing,) if images.names else ())
+    if isinstance(project.in_grid, FlightError):
+        raise project.in_grid
     rows = np.array([*leaders.values()])
     T_b_c = stacked([project.lenses[images.cameras[i]].mount for i in rows])
-    enh, opk = project.in_grid(images.T_w_c[rows] @ T_b_c.inverse)
     return Trajectory(
-        table=trajectory_in_grid(list(leaders), enh, opk),
+        table=trajectory_in_grid(
+            list(leaders), *project.in_grid(images.T_w_c[rows] @ T_b_c.inverse)
+        ),
         assumed=(*project.placed, START_VALUES if is_local else MEANS_NOTHING),
         found=(f"{number_of(len(leaders), 'adjusted orientations')}",),
     )
 
 
-def _image_points(images: Images, measured: Measured) -> Columns:
-    return image_points(
-        [images.names[i] for i in measured.image_idx],
-        [measured.points[k] for k in measured.point_idx],
-        measured.colrow,
-    )
-
-
 def _control_table(control: Control) -> dict[str, list[Any]]:
-    names = ("east_m", "north_m", "height_m")
-    columns: dict[str, list[Any]] = {"point": list(control.names)}
-    columns |= dict(zip(names, np.round(control.enh, METRES).T.tolist(), strict=True))
+    table = {"point": list(control.names)} | columns("east_m north_m height_m", control.enh)
     if control.sigma is not None:
-        for name, sigma in zip(names, np.round(control.sigma, METRES).T, strict=True):
-            if (sigma > 0).all():
-                columns[f"sigma_{name}"] = sigma.tolist()
+        sigmas = columns("sigma_east_m sigma_north_m sigma_height_m", control.sigma)
+        table |= {name: sigma for name, sigma in sigmas.items() if min(sigma) > 0}
     if control.is_check is not None:
-        columns["role"] = ["check" if is_check else "control" for is_check in control.is_check]
-    return columns
+        table["role"] = ["check" if is_check else "control" for is_check in control.is_check]
+    return table
 
 
 def _sizes(
     project: Project, fitted: Mapping[str, Refitted], pixel_um: float | None
-) -> tuple[str, ...]:
-    """Return a sentence on the pixel size assumed for cameras that have none in any file."""
+) -> Iterator[str]:
+    """Yield a sentence on the pixel size assumed for cameras that have none in any file."""
     nominal = [name for name in fitted if not project.lenses[name].pixel_um]
-    if not nominal or pixel_um is not None:
-        return ()
-    return (
-        f"Pixels of {', '.join(nominal)}: {NOMINAL_UM:g} µm, since no file says it; only "
-        "millimetres depend on it (--pixel-um)",
-    )
+    if nominal and pixel_um is None:
+        said = f"Pixels of {', '.join(nominal)}: {NOMINAL_UM:g} µm, since no file says it"
+        yield f"{said}; only millimetres depend on it (--pixel-um)"
 
 
 def _counted(
@@ -644,14 +633,17 @@ def _said_of(apart: Array) -> str:
 # --- Tables of a flight, with the digits that their numbers need, and names that it may have
 
 
-PIXELS, METRES, DEGREES = 4, 5, 9
-"""Decimals of pixels, metres, degrees."""
+DECIMALS = {"px": 4, "m": 5, "deg": 9}
+"""Of numbers by their units; latitude and longitude have one more."""
 
 
-def image_points(image: Sequence[str], point: Sequence[str], colrow: Array) -> Columns:
-    """Return the table image_points.csv; `colrow`, shape (n, 2), in the library's pixels."""
-    cols, rows = np.round(colrow, PIXELS).T.tolist() if len(colrow) else ([], [])
-    return {"image": list(image), "point": list(point), "col_px": cols, "row_px": rows}
+def columns(names: str, values: Array) -> dict[str, list[Any]]:
+    """Return columns of a table, named with their units, of values, shape (n, n_names)."""
+    decimals = {name: DECIMALS[name.rpartition("_")[2]] for name in names.split()}
+    return {
+        name: np.round(column, n + (name in ("lat_deg", "lon_deg"))).tolist()
+        for (name, n), column in zip(decimals.items(), values.T, strict=True)
+    }
 
 
 def trajectory_in_grid(exposures: Sequence[str], enh: Array, opk: Array) -> dict[str, list[Any]]:
@@ -665,68 +657,33 @@ def trajectory_in_grid(exposures: Sequence[str], enh: Array, opk: Array) -> dict
     opk : ndarray, shape (n, 3)
         The body's, against the grid, radians.
     """
-    east, north, height = np.round(enh, METRES).T.tolist()
-    omega, phi, kappa = np.round(np.degrees(opk), DEGREES).T.tolist()
-    return {
-        "exposure": list(exposures),
-        "east_m": east,
-        "north_m": north,
-        "height_m": height,
-        "omega_deg": omega,
-        "phi_deg": phi,
-        "kappa_deg": kappa,
-    }
-
-
-def trajectory(exposures: Sequence[str], lonlath: Array, rph: Array) -> dict[str, list[Any]]:
-    """Return the table trajectory.csv of longitude, latitude, height, roll, pitch, heading, deg."""
-    lon, lat = np.round(lonlath[:, :2], DEGREES + 1).T.tolist()
-    roll, pitch, heading = np.round(rph, DEGREES).T.tolist()
-    return {
-        "exposure": list(exposures),
-        "lat_deg": lat,
-        "lon_deg": lon,
-        "height_m": np.round(lonlath[:, 2], METRES).tolist(),
-        "roll_deg": roll,
-        "pitch_deg": pitch,
-        "heading_deg": heading,
-    }
+    names = "east_m north_m height_m omega_deg phi_deg kappa_deg"
+    values = np.column_stack([enh, np.degrees(opk)])
+    return {"exposure": list(exposures), **columns(names, values)}
 
 
 def grid_poses_of_ecef(grid: GridSystem, T_e_b: Pose) -> tuple[Array, Array]:
     """Return east, north, height (m) and omega, phi, kappa (rad) of poses in the ECEF frame."""
-    lonlat = grid.geographic_from_ecef(T_e_b.r)[:, :2]
-    frame = mean_origin(grid, lonlat)
-    return frame.pose_to_grid(_in_frame(frame, T_e_b))
-
-
-def _in_frame(frame: MappingFrame, T_e_b: Pose) -> Pose:
-    """Return poses in the ECEF frame as those in a mapping frame."""
+    geographic = grid.geographic_from_ecef(T_e_b.r)
+    frame = mean_origin(grid, geographic[:, :2])
     R_e_m = rotation_enu_to_ecef(np.asarray(frame.origin)[None])[0]
-    x_m = frame.from_geographic(frame.grid.geographic_from_ecef(T_e_b.r))
-    return Pose(R=R_e_m.T @ T_e_b.R, r=x_m)
+    return frame.pose_to_grid(Pose(R=R_e_m.T @ T_e_b.R, r=frame.from_geographic(geographic)))
 
 
-def require_names(names: Sequence[str], wrong: Callable[[str, str, str], FlightError]) -> None:
+def require_names(names: Iterable[str], wrong: Callable[[str, str], FlightError]) -> None:
     """Raise for the first name that no flight may use.
 
     Parameters
     ----------
-    names : sequence of str
+    names : iterable of str
     wrong : callable
-        From the name, what is wrong with it and what was expected, to the error.
+        From what is wrong and what was expected to the error.
     """
-    if "" in names:
-        raise wrong("", "is empty", "must be a name")
-    for name, (fault, expected) in faulty(list(dict.fromkeys(names))).items():
-        raise wrong(name, fault, expected)
-
-
-def naming(wrong: Callable[[str, str], FlightError]) -> Callable[[str, str, str], FlightError]:
-    """Return the error for `require_names` from that of a place, by which the name must be said."""
-    return lambda name, fault, expected: wrong(
-        fault if name in fault else f"{quoted(name)} {fault}", expected
-    )
+    for name in dict.fromkeys(names):
+        fault = name_fault(name) if name else ("is empty", "must be a name")
+        if fault is not None:
+            said = fault[0] if name in fault[0] else f"{quoted(name)} {fault[0]}"
+            raise wrong(said, fault[1])
 
 
 def first_use(names: Sequence[str]) -> tuple[list[str], Index]:
@@ -737,8 +694,26 @@ def first_use(names: Sequence[str]) -> tuple[list[str], Index]:
 
 def without_doubles(names: Sequence[str], ids: Sequence[object]) -> tuple[list[str], int]:
     """Return names, those that occur twice with the program's own number, and their count."""
-    counts: dict[str, int] = {}
-    for name in names:
-        counts[name] = counts.get(name, 0) + 1
-    new = [f"{name}#{i}" if counts[name] > 1 else name for name, i in zip(names, ids, strict=True)]
-    return new, sum(n for n in counts.values() if n > 1)
+    often = Counter(names)
+    new = [f"{name}#{i}" if often[name] > 1 else name for name, i in zip(names, ids, strict=True)]
+    return new, sum(n for n in often.values() if n > 1)
+
+
+def by_id(places: Iterable[tuple[str, P]]) -> dict[str, P]:
+    """Return places of a file by their ids, which must be unique."""
+    found: dict[str, P] = {}
+    for i, place in places:
+        if found.setdefault(i, place) is not place:
+            raise place.wrong(f"{quoted(i)} is there twice", "must be unique")
+    return found
+
+
+def named(places: Mapping[str, P], labels: Sequence[str]) -> tuple[dict[str, str], int]:
+    """Return names that a flight may use by ids, and how many labels stand twice.
+
+    Ids stand behind these.
+    """
+    names, doubled = without_doubles(labels, list(places))
+    for name, place in zip(names, places.values(), strict=True):
+        require_names([name], place.wrong)
+    return dict(zip(places, names, strict=True)), doubled

@@ -21,7 +21,7 @@ import pandas as pd
 from acx4files.flight.reader import PLACE, Flight, read_kept, table_files
 from acx4files.results import folder as results
 from acx4files.results import whole_files
-from acx4files.results.folder import AGAIN, COLUMNS, NOTEBOOKS, STAGES, Record
+from acx4files.results.folder import AGAIN, COLUMNS, NOTEBOOKS, Record
 from acx4lib.errors import FlightError
 
 KEPT = "flight"
@@ -130,13 +130,8 @@ def identity(flight: Flight) -> dict[str, str]:
 
 def versions() -> dict[str, str]:
     """Return the versions of Python and of `PACKAGES`."""
-    out = {"python": platform.python_version()}
-    for name in PACKAGES:
-        try:
-            out[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            out[name] = "not installed"
-    return out
+    of_packages = {name: importlib.metadata.version(name) for name in PACKAGES}
+    return {"python": platform.python_version(), **of_packages}
 
 
 # --- results of the same flight --------------------------------------------------------------
@@ -163,14 +158,13 @@ def results_before(folder: str | Path, stages: Sequence[str], flight: Flight) ->
         path.mkdir(parents=True, exist_ok=True)
     elif not path.is_dir():
         raise FlightError([_not_run(path, stages, flight)])
-    last = max(map(STAGES.index, stages), default=len(STAGES) - 2)
     can_write = os.access(path, os.W_OK)  # so another notebook may be writing
     with whole_files.locked(path) if can_write else nullcontext():
         found = results.read(path)
     lacking = [stage for stage in stages if not results.has(found, stage)]
     if lacking:
         raise FlightError([_not_run(path, lacking, flight)])
-    _check_flight(path, _origin(found.run), flight, STAGES[: last + 1])
+    _check_flight(path, _origin(found.run).stages, flight)
     return found
 
 
@@ -184,17 +178,12 @@ def _not_run(folder: Path, stages: Sequence[str], flight: Flight) -> str:
     )
 
 
-def check_kept(run: Run, stage: str) -> None:
-    """Raise a FlightError where a stage was run with another flight than the one kept beside it."""
-    _check_flight(run.folder, run.provenance, run.flight, [stage])
-
-
-def _check_flight(folder: Path, origin: Provenance, flight: Flight, stages: Iterable[str]) -> None:
+def _check_flight(folder: Path, stages: Mapping[str, Mapping[str, object]], flight: Flight) -> None:
     """Raise a FlightError where some stages were run with another flight, with both flights."""
-    mine, stamped = identity(flight), {s: e["flight"] for s, e in origin.stages.items()}
-    foreign = [stage for stage in stages if stamped.get(stage, mine["sha256"]) != mine["sha256"]]
+    mine = identity(flight)
+    foreign = [stage for stage, entry in stages.items() if entry["flight"] != mine["sha256"]]
     if foreign:
-        theirs = str(stamped[foreign[0]])[:12]
+        theirs = str(stages[foreign[0]]["flight"])[:12]
         this = f"{mine['name']!r} (SHA-256 {mine['sha256'][:12]}, {flight.path})"
         problem = (
             f"{folder}: the results of stage {', '.join(foreign)} are of another flight (SHA-256 "
@@ -233,9 +222,8 @@ def begin(
         The folder must not be used for results, or another process is writing there.
     """
     with _claimed(folder):
-        old = read(folder)
-        left = {stage: entry for stage, entry in old.stages.items() if stage not in stages}
-        _check_flight(folder, old, flight, left)
+        left = {s: entry for s, entry in read(folder).stages.items() if s not in stages}
+        _check_flight(folder, left, flight)
         _check_calibration(folder, {*left, *stages}, calibration)
         _replace(folder, stages, (), flight, left)
 
@@ -272,11 +260,12 @@ def write(
     """
     path, mine = Path(folder), identity(flight)
     with _claimed(path):
-        old = read(path)
-        _check_flight(path, old, flight, [s for s in old.stages if s != stage or methods])
+        old = read(path).stages
+        others = {s: entry for s, entry in old.items() if s != stage or methods}
+        _check_flight(path, others, flight)
         entry: dict[str, object] = {"flight": mine["sha256"], "versions": versions()}
         entry |= {"calibration": dict(calibration)} if calibration else {}
-        stages = {**old.stages, stage: entry}
+        stages = {**old, stage: entry}
         _check_calibration(path, stages, stages.get("validation", {}).get("calibration"))
         replaced = [f"{stage}/{method}" for method in methods] or [stage]
         _replace(path, replaced, records, flight, stages)

@@ -334,7 +334,6 @@ def read_earlier(results_path: str | Path, flight: Flight) -> Earlier:
         determined, or are of other cameras: a line for each.
     """
     earlier = Earlier(run=provenance.read_run(results_path))
-    provenance.check_kept(earlier.run, "mounting")
     problems = [f"{earlier.run.folder}: {line}" for line in _differences(earlier, flight)]
     if problems:
         raise FlightError(problems)

@@ -8,6 +8,7 @@ import numpy as np
 
 from acx4lib import shown
 from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.variance_components import Component
 from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.confirmation import Confirmation
 from acx4lib.calibration.determination import CARRIED
@@ -15,6 +16,7 @@ from acx4lib.calibration.diagnosis import MOST, RESTS, Weak
 from acx4lib.calibration.estimates import (
     ENOUGH,
     LIMIT_BORESIGHT_DEG,
+    LIMIT_SCALE,
     Calibration,
     Parameter,
     features,
@@ -27,7 +29,7 @@ from acx4lib.calibration.estimates import (
 from acx4lib.calibration.trajectory_errors import ByCourse
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES, BORESIGHT, LEVER_ARM
-from acx4lib.georeferencing.validation import Prediction
+from acx4lib.georeferencing.validation import Prediction, Validation
 from acx4lib.least_squares.covariance import correlation
 
 SPEEDS = "strips flown at different speeds at one height, or the lever arm held"
@@ -323,7 +325,27 @@ def on_trajectory(bundle: Bundle) -> list[str]:
     return out
 
 
-# --- exposures that took no part in a calibration --------------------------------------------
+# --- validations -----------------------------------------------------------------------------
+
+
+def on_validation(found: Validation) -> list[str]:
+    """Return warnings on many rejections and on a height offset of all check points."""
+    out = []
+    n_rejected = sum(r.kind == "image_point" for r in found.rejected)
+    n_measured = n_rejected + found.n_observations // 2
+    if n_rejected > 0.1 * n_measured:  # no single gross errors
+        out.append(
+            f"{n_rejected} of {n_measured} measurements of check points do not fit the others: "
+            "rather a wrong calibration or trajectory than so many gross errors"
+        )
+    offset, share = found.height_offset
+    if abs(share) > LIMIT_SCALE:
+        out.append(
+            f"the check points come out {abs(offset):.1f} m too {'high' if offset > 0 else 'low'}, "
+            f"{100 * abs(share):.1f} % of the flying height: the height system of check "
+            "points or trajectory, or the focal length, is wrong"
+        )
+    return out
 
 
 def prediction(found: Prediction) -> str:
@@ -335,3 +357,20 @@ def prediction(found: Prediction) -> str:
         f"by {rms} m (east, north, height; RMS), variance of unit weight "
         f"{found.sigma0_sq:.3f} (p of chi-square {found.chi_square_p:.3f})"
     )
+
+
+def sigmas(components: Sequence[Component]) -> list[str]:
+    """Return a sentence on the multiplied sigma, and one for each wrong sigma."""
+    multiplied = [
+        f"{c.applied:.2f} ± {c.sigma:.2f} ({c.group})" for c in components if c.applied != 1.0
+    ]
+    out = [f"the sigma were multiplied by {', '.join(multiplied)}"] if multiplied else []
+    for c in components:
+        if c.is_significant and c.factor > c.applied:
+            out.append(
+                f"the sigma of {c.group} are {c.factor / c.applied:.1f} times too optimistic"
+            )
+        elif c.is_significant:
+            times = c.applied / max(c.factor, 1e-3)
+            out.append(f"the sigma of {c.group} are {times:.1f} times too pessimistic")
+    return out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,24 +11,24 @@ import pandas as pd
 from pandas.api.types import union_categoricals
 
 from acx4files.flight.reader import Flight
-from acx4files.results.folder import COLUMNS, COMPONENTS, RELATIVE, Record
+from acx4files.results import sentences
+from acx4files.results.folder import COLUMNS, COMPONENTS, RELATIVE, Record, messages
 from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations import observed_interiors, observed_mountings
-from acx4lib.bundle.rejections import CRITICAL, Rejection, Stopped, sentence
+from acx4lib.bundle.observations import DECLARED, declared
+from acx4lib.bundle.rejections import Rejection, Stopped, sentence
 from acx4lib.calibration import estimates, trajectory_errors
-from acx4lib.calibration.estimates import LIMIT_SCALE, Calibration, Parameter
+from acx4lib.calibration.estimates import Calibration, Parameter
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.frames import Pose, opk_jacobian
 from acx4lib.geometry.parameters import REPORTED
-from acx4lib.georeferencing import accuracy, error_sources
+from acx4lib.georeferencing import accuracy
 from acx4lib.georeferencing.direct import pose_covariances
 from acx4lib.georeferencing.validation import Prediction, Validation, compare
-from acx4lib.least_squares import statistics
-from acx4lib.least_squares.covariance import correlation, propagate, sigmas
+from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.synthetic_image.transferred_points import TransferredPoints
 
 TRANSFERRED = "synthetic/points"
@@ -66,6 +66,15 @@ def record(key: str, tables: Mapping[str, pd.DataFrame], entry: Mapping[str, obj
 def not_adjusted(key: str, reason: str, *, of: str = "left_out") -> Record:
     """Return the record of a method that was left out or, `of` ``not_determined``, failed."""
     return record(key, {}, {**NO_ADJUSTMENT, "converged": False, of: [f"{key}: {reason}"]})
+
+
+def extended(
+    made: Record, entries: Mapping[str, object], notes: Iterable[str], *, of: str = ""
+) -> Record:
+    """Return a record with more entries and notes; these are `of` its key, or something else."""
+    ((key, entry),) = made.summary.items()
+    said = [*messages(entry, "notes"), *(f"{of or key}: {note}" for note in notes)]
+    return replace(made, summary={key: {**entry, **entries, "notes": said}})
 
 
 # --- bundles ---------------------------------------------------------------------------------
@@ -294,10 +303,8 @@ def _observed_at(network: Network, kind: str) -> tuple[pd.Categorical[str], pd.C
     if kind == "control_point":
         idx = network.control.point_idx[~network.held_control]
         return _names([""], np.zeros(len(idx), int)), _names(block.points, idx)
-    if kind in ("lever_arm", "boresight"):
-        at = _names(cameras, observed_mountings(block.cameras, kind, network.layout.mount))
-    elif kind == "interior":
-        at = _names(cameras, observed_interiors(block.cameras, network.layout.interior))
+    if kind in DECLARED:
+        at = _names(cameras, declared(block.cameras, kind, network.layout)[0])
     else:
         at = _names(block.trajectory.exposures, network.exposure_idx)
     return at, _names([""], np.zeros(len(at), int))
@@ -407,12 +414,8 @@ def of_validation(validation: Validation, entries: Mapping[str, object]) -> Reco
 
 
 def _validation_entry(key: str, validation: Validation) -> dict[str, object]:
-    points, n_images = validation.points, validation.points.n_images
+    points, spread = validation.points, validation.spread
     over_points = accuracy.from_differences(points.d)
-    survey = validation.block.check.sigma_m[points.point_idx]
-    survey_sigma = accuracy.triple(np.sqrt(np.mean(survey**2, axis=0)) if len(survey) else [0] * 3)
-    # by chance: two components of rays, three or more
-    expected_rejections = 2 * int(n_images[n_images > 2].sum()) * 2 * statistics.norm_sf(CRITICAL)
     bias = accuracy.bias_test(np.array(over_points.mean), validation.mean_cov)
     return {
         "n_observations": validation.n_observations,
@@ -426,73 +429,32 @@ def _validation_entry(key: str, validation: Validation) -> dict[str, object]:
         "iterations": 1,
         "converged": True,
         "n_rejected": len(validation.rejected),
-        "expected_rejections": expected_rejections,
+        "expected_rejections": validation.expected_rejections,
         **_stopped(key, validation.stopped),
         "n_left_out": validation.n_left_out,
         "n_pairs": len(validation.pairs),
         "n_failed_pairs": validation.n_failed,
         "n_points": len(points),
-        "height_offset_share": _height_offset(validation)[1],
-        "notes": [f"{key}: {note}" for note in _notes(validation)],
+        "height_offset_share": validation.height_offset[1],
+        "notes": [f"{key}: {note}" for note in sentences.on_validation(validation)],
         **_statistics(accuracy.from_differences(validation.pairs.d)),
         "points": {
             **_statistics(over_points),
             "mean_sigma": sigmas(validation.mean_cov),
-            **_spread(validation),
+            "normalised_rms": [np.nan] * 3 if spread is None else spread.rms,
+            "effective_number": [np.nan] * 3 if spread is None else spread.effective,
             "bias": {
                 "statistic": bias.statistic,
                 "critical": bias.critical,
                 "accepted": bias.accepted,
             },
-            "classes": accuracy.classes(over_points, survey_sigma=survey_sigma),
+            "classes": accuracy.classes(over_points, survey_sigma=validation.survey_sigma),
         },
     }
 
 
 def _statistics(measures: accuracy.Accuracy) -> dict[str, object]:
     return {"mean": measures.mean, "std": measures.std, "rms": measures.rms}
-
-
-def _spread(validation: Validation) -> dict[str, object]:
-    """Return the RMS of the normalised differences, and the effective number of points, by axis."""
-    points = validation.points
-    if not len(points):
-        return {"normalised_rms": [np.nan] * 3, "effective_number": [np.nan] * 3}
-    cov_axes = error_sources.axis_covariances(points.sources)
-    return {
-        "normalised_rms": np.sqrt(np.mean((points.d / points.sigma) ** 2, axis=0)),
-        "effective_number": [accuracy.effective_number(correlation(cov)) for cov in cov_axes],
-    }
-
-
-def _notes(validation: Validation, *, many: float = 0.1) -> Iterator[str]:
-    """Yield warnings on many rejections and on a height offset of all check points.
-
-    Rejected measurements are not single gross errors where their share is above `many`.
-    """
-    n_rejected = sum(r.kind == "image_point" for r in validation.rejected)
-    n_measured = n_rejected + validation.n_observations // 2
-    if n_rejected > many * n_measured:
-        yield (
-            f"{n_rejected} of {n_measured} measurements of check points do not fit the others: "
-            "rather a wrong calibration or trajectory than so many gross errors"
-        )
-    offset, share = _height_offset(validation)
-    if abs(share) > LIMIT_SCALE:
-        yield (
-            f"the check points come out {abs(offset):.1f} m too {'high' if offset > 0 else 'low'}, "
-            f"{100 * abs(share):.1f} % of the flying height: the height system of check "
-            "points or trajectory, or the focal length, is wrong"
-        )
-
-
-def _height_offset(validation: Validation) -> tuple[float, float]:
-    """Return the median height difference, m, and its share of the flying height."""
-    if not len(validation.points):
-        return 0.0, 0.0
-    above = np.median(validation.georeferenced.T_m_c.r[:, 2]) - validation.block.check.x_m[:, 2]
-    offset = float(np.median(validation.points.d[:, 2]))
-    return offset, offset / float(np.median(above))
 
 
 def prediction_entries(prediction: Prediction) -> dict[str, object]:

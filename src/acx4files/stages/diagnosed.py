@@ -9,10 +9,10 @@ import numpy as np
 
 from acx4files.results import sentences, tables
 from acx4files.results.folder import Record
-from acx4lib.bundle import variance_components
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.variance_components import BOUNDS, Component
 from acx4lib.calibration import diagnosis, held
+from acx4lib.calibration.determination import interior_exterior, largest_pairs
 from acx4lib.calibration.diagnosis import Diagnosis, Weak
 from acx4lib.calibration.estimates import (
     LIMIT_SCALE,
@@ -40,7 +40,11 @@ OPTIONAL = (*TWO_STEP, *RIGS)
 def of_head(name: str, bundle: Bundle) -> Record:
     """Return the record of a head that was adjusted by itself."""
     key, of_bundle = f"heads/bundle/{name}", diagnosis.of(bundle)
-    entry = {**_entries(key, "bundle", of_bundle), **_held_entries(held.of_bundle(bundle))}
+    entry = {
+        **_entries(key, "bundle", of_bundle),
+        **_held_entries(held.of_bundle(bundle)),
+        "largest_correlations": {**largest_pairs(interior_exterior(bundle))},
+    }
     return tables.of_bundle(key, bundle, of_bundle.calibration, entry)
 
 
@@ -146,7 +150,7 @@ def _entries(key: str, method: str, found: Diagnosis) -> dict[str, object]:
     ]
     # a held lever arm, or a group that contradicts the others, makes right sigma look wrong
     judged = () if method in TWO_STEP or bundle.stopped else found.components
-    notes = (*_notes(method, found), *variance_components.sentences(judged))
+    notes = (*_notes(method, found), *sentences.sigmas(judged))
     return {
         "expected_rejections": found.expected_rejections,
         "condition": bundle.solution.condition,
@@ -158,7 +162,16 @@ def _entries(key: str, method: str, found: Diagnosis) -> dict[str, object]:
         else {"strips": _turns(found.between_strips), "drift": _turns(found.over_time)},
         "not_determined": unknown,
         "left_out": unknown if method in OPTIONAL else [],
-        "sigma_factors": variance_components.as_json(found.components),
+        "sigma_factors": {
+            c.group: {
+                "factor": c.factor if c.estimable else None,
+                "sigma": c.sigma if c.estimable else None,
+                "applied": c.applied,
+                "redundancy": c.redundancy,
+                "effective_redundancy": c.effective,
+            }
+            for c in found.components
+        },
         "sigma_tests": {
             test.group: {k: v for k, v in asdict(test).items() if k != "group"}
             for test in found.sigma_tests

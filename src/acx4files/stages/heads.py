@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,12 +9,9 @@ import numpy as np
 
 from acx4files.flight.reader import Flight
 from acx4files.results import provenance, tables
-from acx4files.results.folder import Record
 from acx4files.stages import diagnosed
 from acx4lib.attempts import Failed, attempt
-from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration import held
-from acx4lib.calibration.determination import interior_exterior, largest_pairs
 from acx4lib.calibration.heads import (
     Heads,
     RelativeOrientation,
@@ -53,7 +49,7 @@ def write(
     orientation: RelativeOrientation | Failed,
 ) -> None:
     """Write the results of the heads, failures included."""
-    records = [_record(name, fit) for name, fit in heads.bundles.items()]
+    records = [diagnosed.of_head(name, fit) for name, fit in heads.bundles.items()]
     for name, reason in heads.failures.items():
         records.append(tables.not_adjusted(f"heads/bundle/{name}", reason, of="not_determined"))
     key = "heads/relative_orientation"
@@ -78,11 +74,3 @@ def _held_effect(
     px = [d / synthetic.pixel_mm for d in displacements(orientation, after)]
     rms = [float(np.sqrt(np.mean(np.sum(d**2, axis=1)))) for d in px]
     return {"held_effect_px": dict(zip(freed, rms, strict=True))}
-
-
-def _record(name: str, fit: Bundle) -> Record:
-    """Return the record of a head, with its largest correlations in the summary."""
-    key = f"heads/bundle/{name}"
-    record = diagnosed.of_head(name, fit)
-    largest: dict[str, object] = {**largest_pairs(interior_exterior(fit))}
-    return replace(record, summary={key: {**record.summary[key], "largest_correlations": largest}})

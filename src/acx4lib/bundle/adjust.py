@@ -186,7 +186,7 @@ def mounted_orientation(
             rows,
             turns=turns,
             strips=strips,
-            velocity=velocities(block) if "delay" in model.gnss else None,
+            velocity=velocities(block) if "delay" in model.gnss else np.zeros((1, 3)),
         ),
         at=_declared(block, trajectory.T_m_b[rows], mountings(block.cameras)),
     )

@@ -477,32 +477,3 @@ def image_groups(block: Block) -> tuple[str, ...]:
 def group_names(block: Block) -> tuple[str, ...]:
     """Return the names of all groups."""
     return (*image_groups(block), *(name for name, _, _ in PARTS))
-
-
-def sentences(found: Sequence[Component]) -> list[str]:
-    """Return a sentence on the multiplied sigma, and one for each wrong sigma."""
-    multiplied = [f"{c.applied:.2f} ± {c.sigma:.2f} ({c.group})" for c in found if c.applied != 1.0]
-    out = [f"the sigma were multiplied by {', '.join(multiplied)}"] if multiplied else []
-    for c in found:
-        if c.is_significant and c.factor > c.applied:
-            out.append(
-                f"the sigma of {c.group} are {c.factor / c.applied:.1f} times too optimistic"
-            )
-        elif c.is_significant:
-            times = c.applied / max(c.factor, 1e-3)
-            out.append(f"the sigma of {c.group} are {times:.1f} times too pessimistic")
-    return out
-
-
-def as_json(found: Sequence[Component]) -> dict[str, dict[str, float | None]]:
-    """Return the factors by group, as values for JSON."""
-    return {
-        c.group: {
-            "factor": c.factor if c.estimable else None,
-            "sigma": c.sigma if c.estimable else None,
-            "applied": c.applied,
-            "redundancy": c.redundancy,
-            "effective_redundancy": c.effective,
-        }
-        for c in found
-    }

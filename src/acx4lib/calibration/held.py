@@ -18,7 +18,6 @@ import numpy as np
 from acx4lib import shown
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations import position_equations
 from acx4lib.bundle.unknowns import Layout, holding
 from acx4lib.calibration.estimates import (
     LIMIT_INTERIOR,
@@ -384,7 +383,7 @@ def _with_levers(bundle: Bundle, freed: Network, N: Array, g: Array) -> tuple[Ar
     A camera's observed position is the body's plus R_m_b times the lever arm.
     """
     block, n = freed.block, len(g)
-    e = position_equations(freed.observed, bundle.state, freed.layout)
+    e = next(e for e in freed.besides_rays(bundle.state) if e.kind == "gnss")
     images = np.arange(len(block.images))
     by_lever = np.zeros((len(images), 3, len(block.cameras), 3))
     by_lever[images, :, block.images.camera_idx] = -freed.observed.R_g_m @ block.T_m_b_images.R

@@ -11,7 +11,7 @@ import numpy as np
 from acx4lib.block import ImagePoints
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network, camera_poses
-from acx4lib.bundle.observations import attitude_equations, has_times
+from acx4lib.bundle.observations import has_times
 from acx4lib.bundle.start import with_estimates
 from acx4lib.bundle.unknowns import State
 from acx4lib.calibration import trajectory_errors
@@ -196,7 +196,7 @@ def _tested(bundle: Bundle, names: tuple[str, ...], shares: Array, reported: Arr
 def _residuals(bundle: Bundle, C: Array) -> _Residuals:
     """Return the effects of turns C, shape (m, 3, k), on the residuals of the attitudes."""
     network, solution = bundle.network, bundle.solution
-    e = attitude_equations(network.observed, bundle.state, network.layout)
+    e = next(e for e in network.besides_rays(bundle.state) if e.kind == "attitude")
     weighed = e.weighed(C)
     columns, held = e.columns[e.unit], e.columns[e.unit] < 0
     A = np.where(held[:, None, :], 0.0, e.A)
@@ -308,7 +308,7 @@ def _calmed(network: Network, state: State, strips: list[_Strip]) -> tuple[Netwo
     x_m[used, 2] = ground + LEFT * (x_m[used, 2] - ground)
     calm = replace(state, T_m_b=_calm_poses(state.T_m_b, strips, ground), x_m=x_m)
     observed = replace(network.observed, T_m_b=calm.T_m_b)
-    if observed.velocity is not None:
+    if len(observed.velocity) > 1:
         observed = replace(observed, velocity=_calm_velocity(observed.velocity, strips))
     control = replace(control, x_m=x_m[control.point_idx])
     points = _measured(network, calm)

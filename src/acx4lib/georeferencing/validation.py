@@ -26,9 +26,10 @@ from acx4lib.geometry.frames import transform
 from acx4lib.geometry.intersection import intersect, largest_angles
 from acx4lib.geometry.parameters import AXES, Prior
 from acx4lib.georeferencing import accuracy, direct, error_sources
+from acx4lib.georeferencing.accuracy import NormalisedTest, Triple, triple
 from acx4lib.georeferencing.direct import Georeferenced, Rays
 from acx4lib.georeferencing.error_sources import ErrorSources, block_matrix, turned
-from acx4lib.least_squares import adjustment, processors
+from acx4lib.least_squares import adjustment, processors, statistics
 from acx4lib.least_squares.adjustment import two_sided_p
 from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.model import Model
@@ -139,6 +140,35 @@ class Validation:
     def joint_chi_square_p(self) -> float:
         """Two-sided probability of such a `joint_chi_square` or a more extreme one."""
         return two_sided_p(self.joint_chi_square, self.joint_dof)
+
+    @property
+    def expected_rejections(self) -> float:
+        """Number of measurements that chance rejects: of both components, of three rays or more."""
+        n_images = self.points.n_images
+        return 2 * int(n_images[n_images > 2].sum()) * 2 * statistics.norm_sf(CRITICAL)
+
+    @property
+    def height_offset(self) -> tuple[float, float]:
+        """The median height difference, m, and its share of the flying height."""
+        if not len(self.points):
+            return 0.0, 0.0
+        above = np.median(self.georeferenced.T_m_c.r[:, 2]) - self.block.check.x_m[:, 2]
+        offset = float(np.median(self.points.d[:, 2]))
+        return offset, offset / float(np.median(above))
+
+    @property
+    def spread(self) -> NormalisedTest | None:
+        """Test of the predicted sigma of the points; None without any."""
+        if not len(self.points):
+            return None
+        among = error_sources.axis_covariances(self.points.sources)
+        return accuracy.normalised_test(self.points.d, self.points.sigma, among)
+
+    @property
+    def survey_sigma(self) -> Triple:
+        """RMS of the sigma of the surveyed points: east, north, height, m; zero without any."""
+        sigma = self.block.check.sigma_m[self.points.point_idx]
+        return triple(np.sqrt(np.mean(sigma**2, axis=0)) if len(sigma) else np.zeros(3))
 
 
 def validate(

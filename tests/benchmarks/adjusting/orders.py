@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pandas as pd
@@ -26,9 +27,10 @@ CROSS = tuple(
 )
 STRIPS = (*bench_blocks.parallel([45] * 20, base_m=235.0), *CROSS)
 COURSES_DEG = (0.0, 7.0, 37.0, 101.0)
-ORDERS, TURNS, TIES = 20, 3, 100_000
+ORDERS, TURNS, TIES = 20, 2, 40_000
 
 
+@cache
 def made(strips: tuple[Strip, ...], ties: int, course_deg: float) -> Made:
     """Return a flight on a course; the same points are seen on every one."""
     return bench_blocks.fly(strips, ties, control=(6, 6), seed=1, turned_deg=course_deg)

@@ -206,7 +206,7 @@ def test_misfits_and_deformations_are_as_large_as_predicted():
 
 
 def test_estimates_lie_within_four_standard_deviations_of_the_truth_beside_them(flight, stage):
-    table = stage.rig.table()
+    table = stage.table()
     beside = beside_truth(flight, table)
     assert beside["error (σ)"].notna().sum() == 48
     assert beside["error (σ)"].abs().max() < 4
@@ -220,6 +220,6 @@ def test_estimates_lie_within_four_standard_deviations_of_the_truth_beside_them(
 
 def test_a_flight_that_was_not_simulated_has_no_truth(flight, stage, tmp_path):
     measured = replace(flight, pictures=tmp_path)
-    assert rig.true_orientation(measured, stage.rig) is None
-    assert beside_truth(measured, stage.rig.table()).shape == (48, 0)
-    assert beside_truths(measured, {"rig": stage.rig.table()}).shape == (48, 0)
+    assert rig.true_orientation(measured, stage) is None
+    assert beside_truth(measured, stage.table()).shape == (48, 0)
+    assert beside_truths(measured, {"rig": stage.table()}).shape == (48, 0)

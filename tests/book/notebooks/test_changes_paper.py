@@ -221,7 +221,7 @@ def test_without_control_the_boresight_stays_and_the_two_step_method_is_left_out
 
 CHOICES_04 = "model, smallest_angle = flight.model, block.smallest_angle"
 FACTORS = "factors: dict[str, float] = {}"
-READ_04 = "calibrations = stages_validation.calibrations(flight, results_path, calibration_path)\n"
+READ_04 = "calibrations = before.calibrations\n"
 
 
 @pytest.fixture(scope="module")

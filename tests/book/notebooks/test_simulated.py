@@ -117,9 +117,9 @@ def agreement(plan, flight):
     ratios = {}
     for method, planned in found.mountings.items():
         if method == "single_step":
-            run = stages_mounting.calibrate(flight).single_step
+            run = stages_mounting.calibrate(flight)["single_step"]
         else:
-            run = rig.calibrate(flight, method=method).rig
+            run = rig.calibrate(flight, method=method)
         unit = np.sqrt(run.bundle.solution.sigma0_sq)
         before = [*parameters(planned.calibration), *gnss_parameters(planned.bundle)]
         after = [*parameters(run.calibration), *gnss_parameters(run.bundle)]

@@ -4,7 +4,6 @@ import datetime as dt
 import tomllib
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import pyproj
 import pytest
@@ -13,18 +12,14 @@ from numpy.testing import assert_allclose
 from acx4files import flight
 from acx4files.exchange import coordinates, flight_folder
 from acx4files.exchange.flight_folder import ImportedFlight
-from acx4files.exchange.opencv import to_opencv
 from acx4files.exchange.project import (
+    columns,
     first_use,
-    image_points,
     require_names,
     trajectory_in_grid,
     without_doubles,
 )
 from acx4lib.errors import FlightError, OutputError
-from acx4lib.geometry.camera import Camera, Interior
-from acx4lib.geometry.collinearity import project
-from acx4lib.geometry.frames import Pose
 
 POINTS = {"point": ["A", "B,1"], "east_m": [1.5, 2.0], "north_m": [0.1, 0.2], "height_m": [3, 4]}
 CAMERA = {"cameras": {"C 1": {"width_px": 10, "focal_mm": 8.25}}}
@@ -272,8 +267,8 @@ def test_a_form_that_is_not_edited_line_by_line_is_written_anew():
 
 
 def test_numbers_have_the_digits_that_they_need():
-    points = image_points(["a"], ["1"], np.array([[1.23456789, 2.0]]))
-    assert points == {"image": ["a"], "point": ["1"], "col_px": [1.2346], "row_px": [2.0]}
+    points = columns("col_px row_px", np.array([[1.23456789, 2.0]]))
+    assert points == {"col_px": [1.2346], "row_px": [2.0]}
     table = trajectory_in_grid(
         ["a"], np.array([[1.123456789, 2.0, 3.0]]), np.radians([[0.1, 0.2, 1 / 3]])
     )
@@ -291,7 +286,7 @@ def test_names_that_stand_twice_get_the_program_s_number():
     ("name", "said"), [("", "is empty"), ("=a", "would be computed"), ("a\nb", "U\\+000A")]
 )
 def test_a_name_that_no_flight_may_use_is_refused(name, said):
-    def wrong(name, found, expected):
+    def wrong(found, expected):
         return FlightError([f"f:1: name: {found}; {expected}"])
 
     with pytest.raises(FlightError, match=f"f:1: name: .*{said}"):
@@ -355,50 +350,3 @@ def test_what_cannot_be_used_is_told(text, place, wanted, message):
 def test_axes_are_those_of_the_system():
     assert coordinates.is_north_first(coordinates.parsed("EPSG:4326"))
     assert not coordinates.is_north_first(coordinates.parsed("EPSG:31982"))
-
-
-# --- cameras to and from OpenCV, held against OpenCV's own projection and undistortion -------
-
-
-HEAD = Camera(  # Table 1 and section 3.1 of the paper, CAM1
-    name="CAM1",
-    width_px=8984,
-    height_px=6732,
-    pixel_mm=0.006,
-    interior=Interior(
-        f=74.1, xp=0.12, yp=-0.08, k1=2.27e-6, k2=-1.1e-10, p1=3.3e-6, p2=-7.2e-6, b1=2e-4
-    ),
-)
-LEVEL = Pose(R=np.eye(3)[None], r=np.zeros((1, 3)))
-
-
-def ahead(camera):
-    """Points all over the image, 100 m from the camera, in its axes."""
-    half = 0.49 * camera.pixel_mm * np.array([camera.width_px, camera.height_px])
-    x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(-h, h, 9) for h in half)))
-    return 100 * np.column_stack([x, y, np.full(81, -camera.interior.f)]) / camera.interior.f
-
-
-def seen_by_opencv(camera, x_c):
-    points, zero = x_c * [1, -1, -1], np.zeros(3)
-    return cv2.projectPoints(points, zero, zero, camera.matrix, camera.distortion)[0][:, 0]
-
-
-def test_opencv_projects_points_to_where_the_library_does():
-    """As closely as it says, and no closer: the misfit is that of the two polynomials."""
-    x_c, found = ahead(HEAD), to_opencv(HEAD)
-    apart = np.linalg.norm(seen_by_opencv(found, x_c) - project(HEAD, LEVEL, x_c), axis=1)
-    assert (
-        apart.max() <= 1.001 * found.left.largest_px
-    )  # the corners are not among the nodes' image
-    assert apart.max() > 0.3 * found.left.largest_px
-    assert found.left.largest_px < 0.03  # of some 20 px of distortion
-
-
-def test_a_camera_without_distortion_is_the_same_to_opencv():
-    plain = replace(HEAD, interior=Interior(f=74.1, xp=0.12, yp=-0.08, b1=2e-4))
-    found = to_opencv(plain)
-    assert_allclose(found.distortion, 0.0, atol=1e-12)
-    assert_allclose(
-        seen_by_opencv(found, ahead(plain)), project(plain, LEVEL, ahead(plain)), atol=1e-8
-    )

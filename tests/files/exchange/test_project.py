@@ -16,7 +16,6 @@ from acx4files.exchange.project import (
     Trajectory,
     flight_of,
     grid_poses_of_ecef,
-    nowhere,
 )
 from acx4files.exchange.safe import Opened
 from acx4lib.errors import FlightError
@@ -93,7 +92,7 @@ def test_images_that_the_trajectory_lacks_do_not_come_along():
 
 
 def test_adjusted_orientations_need_a_place():
-    lost = replace(PROJECT, in_grid=nowhere(FILE.wrong("crs", "none", "give one")))
+    lost = replace(PROJECT, in_grid=FILE.wrong("crs", "none", "give one"))
     with pytest.raises(FlightError, match=r"x\.json:1: crs: none; give one"):
         flight_of(replace(lost, orientations="adjusted"))
     assert flight_of(lost).left_out == ("1 adjusted orientation (--orientations adjusted)",)

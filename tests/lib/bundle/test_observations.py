@@ -4,22 +4,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from acx4lib.bundle import adjust
 from acx4lib.bundle.observations import (
+    DECLARED,
     Strips,
-    mounting_equations,
+    declared,
     position_errors,
     shared_errors,
     slow_errors,
     strips_of,
     velocities,
 )
+from acx4lib.bundle.unknowns import layout
 from acx4lib.errors import AdjustmentError
-from acx4lib.geometry.camera import mountings
 from acx4lib.geometry.frames import Pose, exp, transform
-from acx4lib.geometry.parameters import Prior
+from acx4lib.geometry.parameters import MOUNT, Prior
 from acx4lib.least_squares.covariance import GaussMarkov
 from acx4lib.model import Model
 from support import blocks
@@ -230,7 +231,7 @@ def test_a_strip_that_is_not_straight_has_no_velocity():
     [
         ("A" * 12, np.full(12, np.nan), "needs its column time_s"),
         ("A" * 11 + "B", np.arange(12.0), "no neighbour in a strip tells the velocity of exposure"),
-        ("A" * 12, [0.0, 0.0, *range(2, 12)], "has the time of another of its strip"),
+        ("A" * 12, [0.0, 0.0, *range(2, 12)], "two exposures of strip 'A' have the same time"),
     ],
 )
 def test_a_delay_needs_times_and_neighbours(strips_block, strips, time_s, says):
@@ -308,19 +309,21 @@ def test_white_errors_share_nothing_and_slow_ones_need_times(trajectory):
 # --- Declared mountings as observations
 
 
-def test_declared_mountings_are_observed_where_they_have_sigma_and_are_estimated():
+def test_what_is_declared_is_observed_where_it_has_sigma_and_is_estimated():
     sigma = (0.02, 0.02, 0.03, 1e-3, 1e-3, 2e-3)
-    camera = replace(blocks.CAMERA, prior=Prior(declared=(True,) * 6, sigma=sigma))
-    columns = np.arange(12).reshape(2, 6)
-    cameras = (blocks.CAMERA, camera)
-    found = list(mounting_equations(cameras, mountings(cameras), columns))
-    assert [(e.kind, e.columns.tolist()) for e in found] == [
-        ("lever_arm", [[6, 7, 8]]),
-        ("boresight", [[9, 10, 11]]),
-    ]
-    held = np.where(columns < 9, columns, -1)
-    assert [e.kind for e in mounting_equations(cameras, mountings(cameras), held)] == ["lever_arm"]
-    assert list(mounting_equations(cameras[:1], mountings(cameras[:1]), columns[:1])) == []
+    prior = Prior(declared=(True,) * 6, sigma=sigma, interior=(0.01, np.inf, np.inf))
+    cameras = (blocks.CAMERA, replace(blocks.CAMERA, prior=prior))
+    all_free = layout(2, 0, free=("f", "xp"), free_mount=MOUNT)
+    found = {kind: declared(cameras, kind, all_free) for kind in DECLARED}
+    assert {kind: where.tolist() for kind, (_, _, where) in found.items()} == {
+        "lever_arm": [[10, 11, 12]],
+        "boresight": [[13, 14, 15]],
+        "interior": [[8, 9, -1]],
+    }
+    assert_array_equal(found["interior"][1], [[0.01, np.inf, np.inf]])
+    lever_only = layout(2, 0, free=(), free_mount=MOUNT[:3])
+    seen = {kind: declared(cameras, kind, lever_only)[0].tolist() for kind in DECLARED}
+    assert seen == {"lever_arm": [1], "boresight": [], "interior": []}
 
 
 def test_residuals_of_a_mounting_are_along_and_about_the_bodys_axes(rng):
@@ -331,9 +334,12 @@ def test_residuals_of_a_mounting_are_along_and_about_the_bodys_axes(rng):
     about_body = np.radians([0.4, -0.3, 2.0])
     R, off = exp(about_body) @ turned.R, np.array([0.1, -0.2, 0.3])
 
+    block = replace(blocks.standard(), cameras=(camera,))
+    net = adjust.mounted_orientation(block, Model())
+
     def v(step):
         T = Pose(R=(R @ exp(step[3:]))[None], r=(off + step[:3])[None])
-        lever, boresight = mounting_equations((camera,), T, np.arange(6)[None])
+        lever, boresight = net.besides_rays(replace(net.start, T_b_c=T))[-2:]
         return np.concatenate([lever.v[0], boresight.v[0]]), (lever, boresight)
 
     value, (lever, boresight) = v(np.zeros(6))

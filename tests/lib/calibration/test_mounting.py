@@ -9,18 +9,16 @@ from scipy import stats
 
 import acx4sim
 from acx4book.paper import printed as paper
-from acx4lib.attempts import Failed
 from acx4lib.bundle import variance_components
 from acx4lib.bundle.adjust import adjust, free_orientation, mounted_orientation
 from acx4lib.bundle.rejections import Rejection
 from acx4lib.calibration import mounting
 from acx4lib.calibration.estimates import parameters
-from acx4lib.calibration.mounting import mounting_jacobians, mountings_per_image, two_step
+from acx4lib.calibration.mounting import mounting_jacobians, mountings_per_image
 from acx4lib.errors import AdjustmentError
 from acx4lib.geometry.camera import Interior
 from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk
 from acx4lib.geometry.parameters import MOUNT
-from acx4lib.least_squares.covariance import GaussMarkov
 from acx4lib.model import Model
 from support import blocks
 from support.flights import simulated as flown
@@ -86,15 +84,6 @@ def test_two_step_gnss_recovers_the_boresight_where_there_is_no_lever_arm():
     block = blocks.standard(cameras=(without_lever(),))
     found = mounting.two_step_gnss(blocks.approximate(block), Model(free=FREE))
     assert_mounted(found.calibration.cameras[0], without_lever(), angle=1e-10)
-
-
-def test_two_step_gnss_takes_a_surveyed_lever_arm(exact_block):
-    lever = exact_block.cameras[0].T_b_c.r
-    found = mounting.two_step_gnss(blocks.approximate(exact_block, lever_m=lever), Model(free=FREE))
-    # it is applied in the trajectory's attitude, which here is the true one
-    assert_mounted(found.calibration.cameras[0], exact_block.cameras[0], angle=1e-10)
-    interior = found.calibration.cameras[0].interior
-    assert interior.f == pytest.approx(exact_block.cameras[0].interior.f, abs=1e-9)
 
 
 def test_every_image_shows_the_mounting_of_eqs_12_and_13(exact_block):
@@ -191,33 +180,6 @@ def test_an_exposure_that_was_rejected_enters_no_mean(exact_block, kind):
     assert found.bundle.rejected == rejected
 
 
-def test_a_mean_boresight_lies_amid_those_of_the_images():
-    """A camera turned by 90 degrees on its mount, and attitudes so poor that all weigh the same."""
-    block = blocks.standard(cameras=(SIDE,))
-    sigma = np.full((len(block.trajectory), 3), np.radians(0.2))
-    block = replace(block, trajectory=replace(block.trajectory, sigma_attitude=sigma))
-    noise = sigma * np.random.default_rng(11).normal(size=sigma.shape)
-    found = mounting.two_step(blocks.changed(block, "attitude", noise), Model(free=("xp", "yp")))
-    away = log(found.calibration.cameras[0].T_b_c.R.T @ found.per_image.R)
-    assert np.abs(away).max() > np.radians(0.2)
-    assert_allclose(away.mean(axis=0), 0.0, atol=np.radians(0.002))  # weights differ by a per cent
-
-
-def test_a_method_begins_after_one_of_the_same_block_alone(noisy_block):
-    single = mounting.single_step(noisy_block, Model(free=FREE))
-    fewer = replace(noisy_block, image_points=noisy_block.image_points[1:])
-    with pytest.raises(ValueError, match="after: expected an outcome on the same block"):
-        mounting.two_step(fewer, Model(free=FREE), after=single)
-
-
-def test_nothing_is_taken_over_from_a_method_that_failed(noisy_block):
-    failed = Failed(method="single_step", reason="no start", error=AdjustmentError("no start"))
-    after, alone = (
-        mounting.two_step(noisy_block, Model(free=FREE), after=one) for one in (failed, None)
-    )
-    assert np.array_equal(after.calibration.cov, alone.calibration.cov)
-
-
 def test_single_step_says_what_it_rejected_and_the_others_take_it_over(noisy_block):
     by = np.zeros((len(noisy_block.image_points), 2))
     by[100, 1] = 8.0
@@ -307,19 +269,6 @@ def test_errors_over_many_flights_are_as_large_as_their_joint_covariance_says(ex
     assert low < total < high
 
 
-def test_where_no_method_has_an_outcome_every_reason_is_said():
-    block = blocks.standard()
-    one = replace(block, image_points=block.image_points[block.image_points.image_idx == 0])
-    with pytest.raises(AdjustmentError) as caught:
-        mounting.calibrate(one, Model(free=FREE))
-    lines = str(caught.value).splitlines()
-    assert [line.partition(":")[0] for line in lines] == [
-        "mounting/single_step",
-        "mounting/two_step",
-        "mounting/two_step_gnss",
-    ]
-
-
 # --- Derivatives of the mountings of single images
 
 
@@ -354,22 +303,6 @@ def test_mounting_jacobians(exact_block):
     assert_allclose(by_trajectory, numeric_jacobian(with_body, np.zeros(6), step=steps), atol=1e-6)
 
 
-def test_an_error_of_attitude_that_all_images_share_does_not_average_out():
-    """As good as exact images: the boresight has all of it, and an n-th where errors are white."""
-    exact = blocks.in_strips(blocks.standard(), 3)
-    points = replace(exact.image_points, sigma_px=np.full(len(exact.image_points), 1e-3))
-    control = replace(exact.control, sigma_m=np.full_like(exact.control.sigma_m, 1e-5))
-    white = replace(exact, image_points=points, control=control)
-    constant = GaussMarkov(share=1 - 1e-9, time_constant_s=1e9)
-    slow = replace(white, trajectory=replace(white.trajectory, slow_attitudes=constant))
-    R_b_c, sigma = blocks.CAMERA.T_b_c.R, white.trajectory.sigma_attitude[0]
-    one = R_b_c.T @ np.diag(sigma**2) @ R_b_c
-    for block, n in ((white, len(white.trajectory)), (slow, 1)):
-        found = two_step(block, Model(free=("xp",))).calibration
-        boresight = found.layout.mount[0, 3:]
-        assert_allclose(found.cov[np.ix_(boresight, boresight)], one / n, rtol=1e-3, atol=1e-12)
-
-
 # --- weights of the observations -------------------------------------------------------------
 
 
@@ -400,28 +333,12 @@ def test_with_estimated_sigma_every_group_fits_its_residuals(block, factors):
         assert c.factor == pytest.approx(c.applied, rel=2e-3)
 
 
-def test_estimated_sigma_do_not_depend_on_those_given(block, factors):
-    """The same sigma come out, in m and px, from weights that were wrong by up to three."""
-    off = {"image points": 0.6, "GNSS": 2.0, "heading": 0.4}
-    again = mounting.estimated_factors(mounting.scaled(block, off), adjusted)
-    for group in ("image points", "GNSS", "roll, pitch", "heading"):
-        assert off.get(group, 1.0) * again[group] == pytest.approx(factors[group], rel=5e-3)
-
-
 def test_a_group_with_too_little_redundancy_keeps_its_sigma(block):
     two = replace(block, control=block.control[:2])
     bare = mounting.estimated_factors(two, adjusted)
     assert bare["control height"] == 1.0
     assert bare["control plan"] == 1.0
     assert bare["image points"] != 1.0
-
-
-def test_given_sigma_stay_as_they_are(block):
-    same, none = mounting.weighted(block, Model(free=WEIGHTS_FREE), weights="given")
-    assert same is block
-    assert none == {}
-    with pytest.raises(ValueError, match="one of given, estimated, got 'both'"):
-        mounting.weighted(block, Model(free=WEIGHTS_FREE), weights="both")
 
 
 def test_scaling_multiplies_the_sigma_of_its_groups_only(block):

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4files.results.sentences import not_determined
-from acx4lib.block import ImagePoints, select_cameras
+from acx4lib.block import ImagePoints
 from acx4lib.bundle import adjust
 from acx4lib.calibration import heads as calibration_heads
 from acx4lib.calibration import rig
@@ -87,20 +87,6 @@ def test_turning_the_body_axes_turns_the_mountings_and_nothing_else(noisy):
     assert_allclose(second.sigma, first.sigma, rtol=1e-4)
 
 
-def test_the_order_of_the_heads_is_the_order_asked_for(noisy, together):
-    other = rig.calibrate(
-        blocks.approximate(select_cameras(noisy, ["CAM3", "CAM1", "CAM2"])), Model(free=FREE)
-    )
-    names = [camera.name for camera in other.calibration.cameras]
-    assert names == ["CAM3", "CAM1", "CAM2"]
-    found = other.calibration.cameras[1].interior.to_array()
-    assert_allclose(found, together.calibration.cameras[0].interior.to_array(), atol=1e-6)
-    # counted from the first head, whichever that is
-    assert rig.relative_orientation(other, SYNTHETIC).xyz_mm[0, 2] == pytest.approx(
-        together.calibration.cameras[2].interior.f, abs=1e-6
-    )
-
-
 # --- covariance ------------------------------------------------------------------------------
 
 
@@ -161,15 +147,6 @@ def test_focal_lengths_are_held_where_they_leave_something_open():
     assert [camera.interior.f for camera in found.cameras] == [50.0, 50.1]
 
 
-def test_focal_lengths_that_are_named_are_estimated_whatever_comes_of_it():
-    block = blocks.noisy(simulated(strips=ONE_HEIGHT), np.random.default_rng(3))
-    flat = replace(block, trajectory=replace(
-        block.trajectory, sigma_position=np.tile([0.02, 0.02, 3.0], (12, 1))))  # fmt: skip
-    found = rig.calibrate(flat, Model(free=("f", *FREE))).calibration
-    assert np.all(found.layout.interior[:, 0] >= 0)
-    assert any("lever_z" in line for line in not_determined(found))
-
-
 # --- points that heads share -----------------------------------------------------------------
 
 
@@ -222,16 +199,6 @@ def test_points_of_one_exposure_are_found(exact):
         axis=0,
     )[:, 2]
     assert list(rig.heads_at_once(exact)) == list(np.bincount(counts))
-
-
-def test_a_gross_measurement_leaves_no_shared_point(exact):
-    block = split(exact, shared=True)
-    lonely = rig.one_exposure_points(block)
-    point = next(p for p in lonely if np.sum(block.image_points.point_idx == p) == 2)
-    sigma = block.image_points.sigma_px.copy()
-    sigma[np.flatnonzero(block.image_points.point_idx == point)[0]] = np.inf
-    without = replace(block, image_points=replace(block.image_points, sigma_px=sigma))
-    assert set(lonely) - set(rig.one_exposure_points(without)) == {point}
 
 
 def test_observed_heights_are_those_of_the_nearest_points(exact):

@@ -7,9 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import acx4sim
-from acx4book.report.words import parameter_title
 from acx4files.results import folder as results
-from acx4files.results import read_back, sentences
+from acx4files.results import sentences
 from acx4files.results.sentences import not_determined
 from acx4files.stages import diagnosed
 from acx4lib.bundle.adjust import adjust, mounted_orientation
@@ -72,40 +71,6 @@ def test_a_table_has_the_shift_and_the_drifts_by_strips_and_axes(striped):
     assert_allclose(table["value"].iloc[:2], SHIFT[:2], atol=1e-8)
     assert (table["sigma"] >= 0).all()
     assert len(trajectory_errors.table(single_step(striped))) == 0
-
-
-def test_with_the_lever_arm_held_the_height_of_the_shift_is_recovered(striped):
-    found = single_step(off(striped, SHIFT, DRIFT), Model(fix=("lever_arm",), gnss=GNSS))
-    assert_allclose(found.state.shift, SHIFT, atol=1e-8)
-
-
-def test_an_estimated_lever_arm_takes_up_the_height_of_the_shift(striped):
-    """Positions that are too high by h look like a camera hung lower by h, up to tilts of 1.5°."""
-    found = single_step(off(striped, SHIFT, 0 * DRIFT), Model(gnss=("shift",)))
-    assert found.state.shift[2] == 0.0
-    lever_z = striped.cameras[0].T_b_c.r[2] - SHIFT[2]
-    assert found.state.T_b_c.r[0, 2] == pytest.approx(lever_z, abs=1e-3)
-
-
-def test_drifts_are_the_same_by_order_as_by_even_times(striped):
-    even = replace(
-        striped, trajectory=replace(striped.trajectory, time_s=4.0 * np.arange(12) + 7.0)
-    )
-    untimed = replace(striped, trajectory=replace(striped.trajectory, time_s=np.full(12, np.nan)))
-    block = off(even, SHIFT, DRIFT)
-    a = single_step(block, Model(gnss=GNSS))
-    b = single_step(
-        replace(untimed, trajectory=replace(block.trajectory, time_s=untimed.trajectory.time_s)),
-        Model(gnss=GNSS),
-    )
-    assert_allclose(b.state.drift, 4.0 * a.state.drift, atol=1e-8)
-    by_minute, by_exposure = (trajectory_errors.parameters(bundle)[2:] for bundle in (a, b))
-    assert by_minute[0].name == "gnss_drift_A_east_m_per_min"
-    assert by_exposure[0].name == "gnss_drift_A_east_m_per_exposure"
-    assert (by_minute[0].unit, by_exposure[0].unit) == ("m/min", "m/exposure")
-    for p, q in zip(by_minute, by_exposure, strict=True):
-        assert p.value == pytest.approx(60 / 4.0 * q.value, abs=1e-6)
-        assert p.sigma == pytest.approx(60 / 4.0 * q.sigma, rel=1e-4)
 
 
 @pytest.mark.slow
@@ -228,16 +193,6 @@ def test_in_one_direction_a_shift_and_the_lever_arm_are_one_unknown():
     assert sentences.trajectory_not_determined(held) == []
 
 
-def test_without_control_a_shift_is_one_of_the_ground(striped):
-    block = blocks.in_strips(blocks.standard(control=None), 4)
-    bundle = single_step(block, Model(free=("f",), fix=("lever_arm",), gnss=GNSS))
-    lines = sentences.trajectory_not_determined(bundle)
-    assert {line.split()[0] for line in lines} >= {
-        f"gnss_shift_{axis}_m" for axis in ("east", "north", "height")
-    }
-    assert all("it would need: control points" in line for line in lines)
-
-
 def test_a_drift_is_judged_by_what_it_adds_up_to():
     """Of a line through four even times, an end is known to 0.67 sigma by the slope alone."""
     block = blocks.in_strips(level((0, 180), per_strip=4), 4)
@@ -293,18 +248,6 @@ def test_results_have_shift_and_drifts_with_their_covariance(folder, noisy):
     assert results.cameras(found, "mounting/single_step") == ("CAM",)
 
 
-def test_a_report_names_shift_and_drifts_in_words():
-    assert parameter_title("gnss_shift_height_m") == "GNSS shift, height"
-    title = "GNSS drift of strip N_2, north"
-    assert parameter_title("gnss_drift_N_2_north_m_per_exposure") == title
-
-
-def test_a_calibration_comes_back_without_the_shift(folder, noisy):
-    back = read_back.read_calibration(results.read(folder), "mounting/single_step", noisy.cameras)
-    said = mounting.single_step(noisy, Model(free=FREE, gnss=GNSS)).calibration
-    assert_allclose(back.cov, said.cov, rtol=1e-9)
-
-
 def test_the_summary_says_what_is_held_and_that_the_shift_is_the_blocks_own(folder):
     found = results.read(folder)
     off_by, drift, held, own = found.summary["mounting/single_step"]["notes"][-4:]
@@ -319,13 +262,6 @@ def test_the_summary_says_what_is_held_and_that_the_shift_is_the_blocks_own(fold
     assert "none is applied to another block" in own
 
 
-def test_with_the_lever_arm_held_the_summary_says_that(noisy):
-    bundle = single_step(noisy, Model(fix=("lever_arm",), gnss=("shift",)))
-    found, held, _ = sentences.on_trajectory(bundle)
-    assert "(height)" in found
-    assert held.startswith("the lever arm's z is held")
-
-
 def test_weights_that_know_of_slow_errors_are_said(striped):
     process = GaussMarkov(share=0.9, time_constant_s=600.0)
     timed = replace(striped.trajectory, time_s=np.arange(12.0), slow_positions=process)
@@ -334,9 +270,3 @@ def test_weights_that_know_of_slow_errors_are_said(striped):
         "errors of positions are taken to be correlated: 0.9 of their sigma, with a time constant "
         "of 600 s"
     ]
-
-
-def test_by_default_nothing_is_estimated_and_nothing_said(noisy):
-    bundle = single_step(noisy)
-    assert trajectory_errors.parameters(bundle) == []
-    assert sentences.on_trajectory(bundle) == sentences.trajectory_not_determined(bundle) == []

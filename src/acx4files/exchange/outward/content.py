@@ -15,7 +15,7 @@ from acx4files.flight.block_from_tables import BLOCKS, read_block, without_point
 from acx4files.flight.reader import Flight, checked
 from acx4files.flight.toml_file import read_toml
 from acx4files.results import folder, whole_files
-from acx4files.results.provenance import check_kept, read_run
+from acx4files.results.provenance import read_run
 from acx4files.results.read_back import read_calibration
 from acx4files.results.tables import exterior_table
 from acx4files.results.whole_files import write_all
@@ -97,7 +97,6 @@ def read(results: str | Path, *, method: str = "", heads: bool = False) -> Calib
     if method:
         expected.one_of("method", method, (*CAMERA, *HEADS))
     run = read_run(results)
-    check_kept(run, "mounting")
     stored, flight = run.found, run.flight
     ended = [name for name in (*CAMERA, *HEADS) if _ended(stored, f"mounting/{name}")]
     usable = [name for name in ended if not heads or name in HEADS]

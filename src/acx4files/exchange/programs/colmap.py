@@ -94,15 +94,9 @@ def read_project(
     sources, rows = _rows(source, folder)
     lenses, (references, in_rigs) = _lenses(rows["cameras"]), _rigs(rows["rigs"])
     images: list[_Image] = list(rows["images"])
-    rigged = _mounted(lenses, in_rigs, is_metric=crs is not None or not images)
+    rigged = _mounted(lenses, in_rigs, is_metric=crs is not None)
     if not images:
-        metres = "Lever arms of cameras in rigs are metres: without images nothing tells their unit"
-        return Project(
-            source="COLMAP's cameras",
-            sources=sources,
-            lenses=rigged,
-            assumed=(ASSUMED[0], *((metres,) if in_rigs else ())),
-        )
+        raise refusal(str(folder), 1, "folder", "has no image", "must be a model with images")
     frames = {image: frame for frame, kind, image in rows["frames"] if kind == CAMERA}
     _require(images, lenses, frames)
     T_w_i = stacked([_pose(image.pose, image.wrong) for image in images]).inverse
@@ -151,9 +145,7 @@ def _rows(source: Path, folder: Path) -> tuple[list[Opened], dict[str, Any]]:
         expected = "must be the folder of a model, often sparse/0"
         raise refusal(str(source), 1, "folder", found_none, expected)
     paths = {name: folder / f"{name}{ending}" for name in READERS[ending]}
-    needed: tuple[str, ...] = ("cameras",)
-    if paths["images"].exists() or paths["points3D"].exists():
-        needed = ("cameras", "images", "points3D")
+    needed = ("cameras", "images", "points3D")
     files: list[Opened] = []
     rows: dict[str, Any] = dict.fromkeys(paths, ())
     for name, path in paths.items():
@@ -167,23 +159,18 @@ def _rows(source: Path, folder: Path) -> tuple[list[Opened], dict[str, Any]]:
 
 def _require(images: list[_Image], cameras: Mapping[int, Lens], frames: Mapping[int, int]) -> None:
     """Raise where images do not fit to cameras, to each other or to names of a flight."""
-    places: dict[str, _Image] = {}
+    places = project.by_id((image.name, image) for image in images)
     seen: set[tuple[int, int]] = set()
     for image in images:
         if image.camera not in cameras:
             raise image.wrong(f"{quoted(image.name)}: camera {image.camera}", "must be in cameras")
-        if image.name in places:
-            raise image.wrong(f"{quoted(image.name)} is there twice", "must be unique")
         _require_size(image.xy, image.wrong)
-        places[image.name] = image
         key = (frames.get(image.number, -image.number), image.camera)
         if key in seen:
             fault = f"frame {key[0]} has camera {key[1]} twice"
             raise image.wrong(fault, "must have each camera once")
         seen.add(key)
-    project.require_names(
-        list(places), lambda name, fault, expected: places[name].wrong(fault, expected)
-    )
+    project.named(places, list(places))
 
 
 def _mounted(
@@ -238,7 +225,7 @@ def _in_grid(folder: Path, crs: str | None, T_w_c: Pose) -> tuple[project.InGrid
     """Return the map from a model's poses into the grid, and a sentence on its assumption."""
     if crs is None:
         expected = f"adjusted orientations need a projected CRS, or {LOCAL!r}"
-        return project.nowhere(refusal(str(folder), 1, "--crs", "missing", expected)), ()
+        return refusal(str(folder), 1, "--crs", "missing", expected), ()
     if crs == LOCAL:
         sentence = "The model's x, y, z are coordinates on no map, of the model's own scale"
         return project.as_they_are, (sentence,)
@@ -274,14 +261,8 @@ def _lenses(rows: Iterator[Camera]) -> dict[int, Lens]:
         if min(values[:first]) <= 0:
             raise wrong(f"{name} {values}", "focal lengths must be positive")
         cx, cy = values[first : first + 2]
-        lenses[number] = Lens(
-            width_px=int(width),
-            height_px=int(height),
-            hole=Pinhole(fx=values[0], fy=values[first - 1], cx=cx - HALF, cy=cy - HALF),
-            distortion=formula.distortion(values),
-            is_fisheye=formula.is_fisheye,
-            wrong=wrong,
-        )
+        hole = Pinhole(fx=values[0], fy=values[first - 1], cx=cx - HALF, cy=cy - HALF)
+        lenses[number] = formula.lens(values, hole, (int(width), int(height)), wrong)
     return lenses
 
 

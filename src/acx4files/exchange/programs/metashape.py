@@ -11,7 +11,7 @@ expects the marker: they follow from its own adjustment and say nothing that is 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -99,10 +99,12 @@ def read_project(
     """
     chunk = _chunk(source)
     root = chunk.root
-    cameras = _by_id(one for listed in root.each("cameras") for one in listed.each(".//camera"))
+    cameras = project.by_id(_ids(one for one in root.each("cameras//camera")))
     if not cameras:
         return _cameras_alone(chunk)
-    names, doubled = _names(cameras, [one.attribute("label").strip() for one in cameras.values()])
+    names, doubled = project.named(
+        cameras, [one.attribute("label").strip() for one in cameras.values()]
+    )
     sensors = _sensors(root, {camera.get("sensor_id") for camera in cameras.values()})
     places = _places(root)
     images = _images(cameras, names, sensors, places)
@@ -269,23 +271,8 @@ def _whole(root: Element, source: Opened) -> _Chunk:
     return _Chunk(root=root, frame=safe.xml_tree(document), sources=(source, document))
 
 
-def _by_id(elements: Iterable[Element]) -> dict[str, Element]:
-    by_id: dict[str, Element] = {}
-    for element in elements:
-        i = element.attribute("id")
-        if by_id.setdefault(i, element) is not element:
-            raise element.wrong(f"{quoted(i)} is there twice", "must be unique", attribute="id")
-    return by_id
-
-
-def _names(by_id: Mapping[str, Element], labels: Sequence[str]) -> tuple[dict[str, str], int]:
-    """Return names by ids, and how many labels stand twice: ids are behind them."""
-    names, doubled = project.without_doubles(labels, list(by_id))
-    places = dict(zip(names, by_id.values(), strict=True))
-    project.require_names(
-        names, lambda name, fault, expected: places[name].wrong(fault, expected, attribute="label")
-    )
-    return dict(zip(by_id, names, strict=True)), doubled
+def _ids(elements: Iterable[Element]) -> Iterator[tuple[str, Element]]:
+    yield from ((element.attribute("id"), element) for element in elements)
 
 
 def _known(element: Element, attribute: str, ids: Iterable[str], kind: str) -> str:
@@ -302,9 +289,9 @@ def _known(element: Element, attribute: str, ids: Iterable[str], kind: str) -> s
 def _sensors(root: Element, used: Iterable[str | None] = ()) -> dict[str, tuple[str, Lens]]:
     """Return names and lenses of the sensors of a chunk's images; of all, where it has no image."""
     root.one("sensors/sensor")  # there must be one
-    elements = _by_id(root.each("sensors/sensor"))
+    elements = project.by_id(_ids(root.each("sensors/sensor")))
     labels = [sensor.get("label", "").strip() or "unknown" for sensor in elements.values()]
-    names, _ = _names(elements, labels)
+    names, _ = project.named(elements, labels)
     sensors = {}
     for i, element in elements.items():
         if "master_id" in element.attrib:
@@ -367,20 +354,15 @@ def _lens(element: Element, nominal: float | None = None) -> Lens:
     f = element.one("f").number(allowed=POSITIVE) if nominal is None else nominal
     if f + values["b1"] <= 0:
         raise element.wrong("f + b1 is not positive", "must be a focal length in px")
-    return Lens(
-        width_px=width,
-        height_px=height,
-        hole=Pinhole(
-            fx=f + values["b1"],
-            fy=f,
-            cx=(width - 1) / 2 + values["cx"],
-            cy=(height - 1) / 2 + values["cy"],
-            skew=values["b2"],
-        ),
-        distortion=formula.distortion([values[name] for name in formula.names]),
-        is_fisheye=formula.is_fisheye,
-        wrong=element.wrong,
+    hole = Pinhole(
+        fx=f + values["b1"],
+        fy=f,
+        cx=(width - 1) / 2 + values["cx"],
+        cy=(height - 1) / 2 + values["cy"],
+        skew=values["b2"],
     )
+    coefficients = [values[name] for name in formula.names]
+    return formula.lens(coefficients, hole, (width, height), element.wrong)
 
 
 # images
@@ -488,9 +470,9 @@ def _in_grid(chunk: _Chunk, system: Chosen | None, *, placed: bool) -> project.I
     """Return the map from the frame of poses into the grid."""
     if system is None:
         expected = "adjusted orientations need one"
-        return project.nowhere(chunk.where.wrong("is no coordinate system on the Earth", expected))
+        return chunk.where.wrong("is no coordinate system on the Earth", expected)
     if system.crs != LOCAL and not placed:
-        return project.nowhere(chunk.root.wrong("<transform> is missing", "required"))
+        return chunk.root.wrong("<transform> is missing", "required")
     if system.crs == LOCAL or system.source is None:
         return project.as_they_are
 
@@ -539,7 +521,9 @@ def _measured(chunk: _Chunk, flown: Mapping[str, Element], system: Chosen | None
         if system.source is None:
             north = f"the north of {system.crs}, made true by the convergence"
             yaw = yaw + np.degrees(system.grid().convergence(lonlath[:, :2]))
-        table = project.trajectory(list(rows), lonlath, np.stack([roll, pitch, yaw], axis=1))
+        names = "lat_deg lon_deg height_m roll_deg pitch_deg heading_deg"
+        values = np.column_stack([lonlath[:, [1, 0, 2]], roll, pitch, yaw])
+        table = {"exposure": list(rows), **project.columns(names, values)}
     sigmas, whose = _sigmas(chunk, references)
     said = (
         f"Yaw is the heading, clockwise from {north}, pitch is positive with the top of the image "
@@ -603,14 +587,10 @@ def _geographic(chunk: _Chunk, xyh: Array, system: Chosen) -> tuple[Array, tuple
 
 def _located(chunk: _Chunk, cameras: Sequence[str]) -> tuple[Measured, Mask, int]:
     """Return markers in images, which of them are pinned, and how many are in unknown cameras."""
-    markers, labels = _by_id(chunk.root.each("markers/marker")), set[str]()
-    for marker in markers.values():
-        label = marker.attribute("label").strip()
-        if label in labels:
-            fault = f"{quoted(label)} is there twice"
-            raise marker.wrong(fault, "must be unique", attribute="label")
-        labels.add(label)
-    names, _ = _names(markers, [marker.attribute("label").strip() for marker in markers.values()])
+    markers = project.by_id(_ids(chunk.root.each("markers/marker")))
+    labels = [marker.attribute("label").strip() for marker in markers.values()]
+    project.by_id(zip(labels, markers.values(), strict=True))  # they are the points' names
+    names, _ = project.named(markers, labels)
     row = {camera: k for k, camera in enumerate(cameras)}
     places: dict[tuple[str, str], Element] = {}
     for marker in () if chunk.frame is None else chunk.frame.each("markers/marker"):

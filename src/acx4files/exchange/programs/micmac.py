@@ -148,7 +148,7 @@ def read_project(
         {str(k): x_w for k, (_, x_w, _) in enumerate(content.own)},
     )
     for kind, of in (("image", names), ("camera", cameras.values()), ("point", measured.points)):
-        project.require_names([*of], project.naming(partial(content.read[0].wrong, kind)))
+        project.require_names(of, partial(content.read[0].wrong, kind))
     unknown = [name for name in measured.points if name not in content.places]
     unseen = [name for name in content.places if name not in measured.points]
     ties = "measured points are tie points, since their coordinates are not there"

@@ -36,17 +36,14 @@ OPENSFM = "opensfm"
 """Folder of OpenSfM's files in a project of ODM."""
 
 RECONSTRUCTION, TRACKS = "reconstruction.json", "tracks.csv"
-CAMERAS = ("camera_models.json", "cameras.json")
-"""Cameras before the adjustment, by OpenSfM; cameras after it, by ODM."""
-
 VERSIONS = ("OPENSFM_TRACKS_VERSION_v1", "OPENSFM_TRACKS_VERSION_v2")
 """First lines of tracks.csv; the first version of all had none."""
 
 NO_POSITION_DOP = 999_999
 """Dilution of precision that OpenSfM writes where there is no position."""
+
 NORMALISED = Range(-1e3, 1e3, "must be divided by the longer side of the image")
 TURN = Range(-100.0, 100.0, "must be a rotation vector in radians")
-
 
 CONTROL = ("ground_control_points.json", "gcp_list.txt", "../gcp_list.txt")
 """Control points: in the folder of the project, or in that of ODM above it."""
@@ -79,8 +76,8 @@ def read_project(
     """Read a project of OpenSfM, ODM or WebODM: cameras, images, tracks, rigs, control.
 
     SOURCE is the folder with reconstruction.json and tracks.csv, the folder of an ODM project, or
-    one file reconstruction.json, camera_models.json or cameras.json. Where a reconstruction by ODM
-    has the axes of UTM, the measured positions tell.
+    one file reconstruction.json. Where a reconstruction by ODM has the axes of UTM, the measured
+    positions tell.
 
     Examples
     --------
@@ -94,15 +91,13 @@ def read_project(
     """
     files = _files_of(source)
     root, others = _reconstruction(files)
-    if root is None:
-        return _cameras_alone(files)
     images, models, gps = _images(root)
     lenses = _lenses(files, root, models)
     sizes = np.array([(lenses[name].width_px, lenses[name].height_px) for name in images.cameras])
     ties = _ties(files, root, images, sizes)
     named = {"image": images.names, "camera": images.cameras, "exposure": images.exposures}
     for kind, names in {**named, "point": ties.points}.items():
-        project.require_names(names, project.naming(partial(root.source.wrong, kind)))
+        project.require_names(names, partial(root.source.wrong, kind))
     place = _place_of(files, root, images.T_w_c.r, gps, crs)
     listed = [file for file in map(files.maybe, CONTROL) if file is not None]
     marks, control, lost = Measured(), None, dict[str, int]()
@@ -138,21 +133,6 @@ def read_project(
 read = project.reader(read_project)
 
 
-def _cameras_alone(files: _Files) -> Project:
-    """Return the cameras of a project in which nothing is oriented yet."""
-    node = files.tree(*CAMERAS)
-    if node is None:
-        path = str(files.folder / TRACKS)
-        wanted = f"needs {RECONSTRUCTION} beside it, which names the cameras of the images"
-        raise safe.refusal(path, 1, "file", "alone", wanted)
-    return Project(
-        source="OpenSfM's cameras",
-        sources=files.read.values(),
-        lenses={name: _lens(camera) for name, camera in node.items()},
-        assumed=ASSUMED[:1],
-    )
-
-
 def _lenses(files: _Files, root: Node, models: dict[str, str]) -> dict[str, Lens]:
     """Return the cameras, or the heads of rigs, with their places in the rig."""
     mounts = root.maybe("rig_cameras") or files.tree("rig_cameras.json")
@@ -170,7 +150,7 @@ def _in_grid(root: Node, place: _Place | None) -> project.InGrid:
     if place is None:
         fault = "has no measured position: the adjusted orientations are nowhere on the Earth"
         expected = "must have gps_position, with reference_lla"
-        return project.nowhere(root.one("shots").wrong(fault, expected))
+        return root.one("shots").wrong(fault, expected)
     return lambda T: place.frame.pose_to_grid(place.in_frame(T))
 
 
@@ -230,33 +210,25 @@ class _Files:
 def _files_of(source: Path) -> _Files:
     """Return the files at a path: a folder, an ODM project's folder, or one file."""
     if not source.is_dir():
-        value = safe.json_tree(safe.read(source)).value
-        is_cameras = isinstance(value, dict) and "shots" not in value
-        kind = CAMERAS[0] if is_cameras else RECONSTRUCTION
-        absent = dict.fromkeys((RECONSTRUCTION, TRACKS, *CAMERAS), "\0")
-        return _Files(folder=source.parent, names={**absent, kind: source.name})
+        return _Files(folder=source.parent, names={RECONSTRUCTION: source.name, TRACKS: "\0"})
     for folder in (source, source / OPENSFM):
-        if any((folder / name).exists() for name in (RECONSTRUCTION, TRACKS, *CAMERAS)):
+        if (folder / RECONSTRUCTION).exists():
             return _Files(folder=folder)
-    wanted = f"must hold {RECONSTRUCTION}, {TRACKS} or {CAMERAS[0]}, as OpenSfM writes them"
+    wanted = f"must hold {RECONSTRUCTION}, as OpenSfM writes it"
     raise safe.refusal(str(source), 1, "folder", "has no file of OpenSfM", wanted)
 
 
-def _reconstruction(files: _Files) -> tuple[Node | None, tuple[str, ...]]:
+def _reconstruction(files: _Files) -> tuple[Node, tuple[str, ...]]:
     """Return the reconstruction with the most shots, and a sentence on the others."""
-    tree = files.tree(RECONSTRUCTION)
-    if tree is None or isinstance(tree.value, dict):
-        return tree, ()
-    parts = list(tree.each())
+    tree = safe.json_tree(safe.read(files.folder / files.names.get(RECONSTRUCTION, RECONSTRUCTION)))
+    files.read[tree.source.name] = tree.source
+    parts = [tree] if isinstance(tree.value, dict) else [*tree.each()]
     if not parts:
         raise tree.wrong("has no reconstruction", "must have one at least")
-    sizes = [len(list(part.one("shots").items())) for part in parts]
+    sizes = [len([*part.one("shots").items()]) for part in parts]
     best = int(np.argmax(sizes))
-    others = sum(sizes) - sizes[best]
-    remark = (
-        f"{len(parts) - 1} more reconstructions with {others} shots: each has a frame of its own"
-    )
-    return parts[best], (remark,) if len(parts) > 1 else ()
+    others = f"{len(parts) - 1} more reconstructions with {sum(sizes) - sizes[best]} shots"
+    return parts[best], (f"{others}: each has a frame of its own",) if len(parts) > 1 else ()
 
 
 # shots and cameras
@@ -301,7 +273,7 @@ def _pose(node: Node) -> Pose:
 
 
 def _lens(node: Node) -> Lens:
-    """Return a camera of reconstruction.json, camera_models.json or cameras.json."""
+    """Return a camera of reconstruction.json."""
     place = node.maybe("projection_type")
     kind = "perspective" if place is None else place.text()
     if kind not in lens.OPENSFM:
@@ -312,19 +284,14 @@ def _lens(node: Node) -> Lens:
     fx, fy = (node.one(key).number(FOCAL) for key in focal)
     cx, cy = (_number(node, key) if two else 0.0 for key in ("c_x", "c_y"))
     formula = lens.OPENSFM[kind]
-    return Lens(
-        width_px=width,
-        height_px=height,
-        hole=Pinhole(
-            fx=fx * longer,
-            fy=fy * longer,
-            cx=cx * longer + (width - 1) / 2,
-            cy=cy * longer + (height - 1) / 2,
-        ),
-        distortion=formula.distortion([_number(node, name) for name in formula.names]),
-        is_fisheye=formula.is_fisheye,
-        wrong=node.wrong,
+    hole = Pinhole(
+        fx=fx * longer,
+        fy=fy * longer,
+        cx=cx * longer + (width - 1) / 2,
+        cy=cy * longer + (height - 1) / 2,
     )
+    coefficients = [_number(node, name) for name in formula.names]
+    return formula.lens(coefficients, hole, (width, height), node.wrong)
 
 
 def _number(node: Node, name: str) -> float:
@@ -379,23 +346,12 @@ def _place_of(
     )
     zone, offset = _zone_and_offset(files, lon, lat)
     try:
-        utm, flight_frame = (
-            MappingFrame(
-                grid=GridSystem(crs=code, heights="ellipsoidal"), origin=np.array([lon, lat])
-            )
-            for code in (zone, crs or zone)
-        )
+        grids = [GridSystem(crs=code, heights="ellipsoidal") for code in (zone, crs or zone)]
+        utm, flown = (MappingFrame(grid=one, origin=np.array([lon, lat])) for one in grids)
     except ValueError as error:
         raise FlightError([f"--crs:1: crs: {error}; must be projected and in metres"]) from None
-    place = _Place(
-        frame=flight_frame,
-        altitude=altitude,
-        offset=offset,
-        said=(
-            f"positions are of WGS 84, in {flight_frame.grid.crs}; "
-            "altitudes are taken as ellipsoidal",
-        ),
-    )
+    said = f"positions are of WGS 84, in {flown.grid.crs}; altitudes are taken as ellipsoidal"
+    place = _Place(frame=flown, altitude=altitude, offset=offset, said=(said,))
     known = np.isfinite(gps).all(axis=1)
     xy, gps = centres[known, :2], gps[known]
     grid = utm.to_grid(gps + np.array([0.0, 0.0, altitude]))[:, :2] - offset
@@ -443,8 +399,7 @@ def _marks(
     if is_json:
         places, marks = _of_json(safe.json_tree(file), frame.grid)
     else:
-        listed = _list(file, frame.grid.crs)
-        places, marks = listed.places, listed.seen
+        places, marks, _ = _list(file, frame.grid.crs)
     row_of = {name: row for row, name in enumerate(images.names)}
     used = [(row_of[image], name, at) for image, name, at in marks if image in row_of]
     enh = np.array([*places.values()]).reshape(-1, 3)
@@ -474,16 +429,14 @@ def _of_json(node: Node, grid: GridSystem) -> tuple[dict[str, Array], list[Seen]
     for point in node.one("points").each():
         name = point.one("id").text()
         if (place := point.maybe("position")) is not None:
-            lonlat = np.array(
-                [place.one("longitude").number(LON), place.one("latitude").number(LAT)]
-            )
+            lon, lat = place.one("longitude").number(LON), place.one("latitude").number(LAT)
             height = place.maybe("altitude")
             h = np.nan if height is None else height.number(HEIGHT)
-            places[name] = np.append(grid.grid_from_lonlat(lonlat[None])[0], h)
+            places[name] = np.append(grid.grid_from_lonlat(np.array([[lon, lat]]))[0], h)
         for observation in point.one("observations").each():
             if (seen := observation.maybe("projection")) is not None:
-                xy = np.array([seen.one(k).number(NORMALISED) for k in (0, 1)])
-                marks.append((observation.one("shot_id").text(), name, xy))
+                image, xy = observation.one("shot_id").text(), seen.numbers(2, NORMALISED)
+                marks.append((image, name, xy))
     return places, marks
 
 
@@ -495,15 +448,6 @@ def _of_json(node: Node, grid: GridSystem) -> tuple[dict[str, Array], list[Seen]
 UTM = re.compile(r"WGS\s?84\s+UTM\s+(\d{1,2})\s*([NS]?)", re.ASCII | re.I)
 
 _EXPECTED = "must be WGS84 UTM 17N, EPSG:n, WGS84, or a PROJ string"
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _List:
-    """Measurements, in pixels, and places in the flight's system, NaN without a height."""
-
-    seen: list[Seen]
-    places: dict[str, Array]
-    system: Chosen
 
 
 def control(
@@ -531,9 +475,9 @@ def control(
         For another layout, or one name for two points.
     """
     file = safe.read(source)
-    listed = _list(file, crs)
-    control, flat = _with_heights(listed.places)
-    images, image_idx = project.first_use([image for image, _, _ in listed.seen])
+    places, seen, system = _list(file, crs)
+    control, flat = _with_heights(places)
+    images, image_idx = project.first_use([image for image, _, _ in seen])
     return Project(
         source="ODM's control points",
         sources=[file],
@@ -544,13 +488,13 @@ def control(
             T_w_c=stacked([UNKNOWN] * len(images)),
         ),
         measured=Measured.of(
-            [(k, name, at) for k, (_, name, at) in zip(image_idx, listed.seen, strict=True)]
+            [(k, name, at) for k, (_, name, at) in zip(image_idx, seen, strict=True)]
         ),
         control=control,
-        settings=listed.system.settings,
+        settings=system.settings,
         lost={f"points without a height: {', '.join(flat[:5])}": len(flat)},
         assumed=(
-            *listed.system.assumed,
+            *system.assumed,
             "pixel 0, 0 is the centre of the top-left one, rows grow down",
         ),
     )
@@ -559,8 +503,8 @@ def control(
 read_control = project.reader(control, ("block",))
 
 
-def _list(file: Opened, crs: str | None) -> _List:
-    """Return the points of a list, in the flight's system."""
+def _list(file: Opened, crs: str | None) -> tuple[dict[str, Array], list[Seen], Chosen]:
+    """Return places in the flight's system, NaN without a height, measurements, and the system."""
     rows = [*safe.lines(file, comment="#")]
     if len(rows) < 2:
         raise file.wrong("file", "has no point after the CRS", "must have one at least")
@@ -574,8 +518,7 @@ def _list(file: Opened, crs: str | None) -> _List:
         raise rows[0].wrong("CRS", f"{quoted(text)}: {error}", _EXPECTED) from None
     if system is None:
         raise rows[0].wrong("CRS", quoted(text), _EXPECTED)
-    places = dict(zip(names.values(), enh, strict=True))
-    return _List(seen=seen, places=places, system=system)
+    return dict(zip(names.values(), enh, strict=True)), seen, system
 
 
 def crs_of(text: str) -> str:
@@ -602,7 +545,7 @@ def _points(rows: Sequence[Line]) -> tuple[dict[tuple[float, ...], str], list[Se
         colrow = row.numbers(3, 5, "col, row", RANGES["col_px"])
         given = row.cells[6] if len(row) > 6 else ""
         key = (row.cell(5, "image"), names.setdefault(xyz, given or f"GCP{len(names) + 1}"))
-        project.require_names(key, project.naming(partial(row.wrong, "name")))
+        project.require_names(key, partial(row.wrong, "name"))
         if given not in ("", key[1]):
             fault = f"{quoted(given)} has the coordinates of {quoted(key[1])}"
             raise row.wrong("name", fault, "must be one name for one point")

@@ -10,7 +10,7 @@ one. Every place has a coordinate system of its own, whose order of axes its coo
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -204,22 +204,8 @@ def _document(path: Path, kind: str) -> Node:
     return root
 
 
-def _by_id(listed: Iterable[Node]) -> dict[str, Node]:
-    """Return the nodes of a list by their ids, which must be unique."""
-    nodes: dict[str, Node] = {}
-    for node in listed:
-        name = node.one("id")
-        if nodes.setdefault(name.text(), node) is not node:
-            raise name.wrong(f"{quoted(name.text())} is there twice", "must be unique")
-    return nodes
-
-
-def _named(nodes: Mapping[str, Node], labels: Sequence[str]) -> dict[str, str]:
-    """Return the names of nodes by their ids, which stand behind labels that occur twice."""
-    names, _ = project.without_doubles(labels, list(nodes))
-    places = dict(zip(names, nodes.values(), strict=True))
-    project.require_names(names, lambda name, fault, wanted: places[name].wrong(fault, wanted))
-    return dict(zip(nodes, names, strict=True))
+def _ids(nodes: Iterable[Node]) -> Iterator[tuple[str, Node]]:
+    yield from ((node.one("id").text(), node) for node in nodes)
 
 
 # sensors
@@ -227,14 +213,14 @@ def _named(nodes: Mapping[str, Node], labels: Sequence[str]) -> dict[str, str]:
 
 def _sensors(documents: Mapping[str, Node]) -> dict[str, tuple[str, Lens]]:
     """Return names and lenses of sensors by their numbers, with adjusted internals if there are."""
-    nodes = _by_id(documents[BEFORE].one("sensors").each())
-    after = _by_id(documents[AFTER].all("sensors"))
+    nodes = project.by_id(_ids(documents[BEFORE].one("sensors").each()))
+    after = project.by_id(_ids(documents[AFTER].all("sensors")))
     labels = [(one.value.get("name") or "").strip() or i for i, one in nodes.items()]
     often = Counter(labels)
     for k, node in enumerate(nodes.values()):
         if often[labels[k]] > 1 and (bands := [*node.all("bands")]):
             labels[k] += f" {'+'.join(band.one('name').text() for band in bands)}"
-    names = _named(nodes, labels)
+    names, _ = project.named(nodes, labels)
     return {i: (names[i], _sensor(names[i], node, after.get(i))) for i, node in nodes.items()}
 
 
@@ -279,13 +265,8 @@ def _lens(node: Node, width: int, height: int) -> Lens:
         f = node.one("focal_length_px").number(POSITIVE)
         radial = node.one("radial_distortion").numbers(3)
         tangential = node.one("tangential_distortion").numbers(2)
-        return Lens(
-            width_px=width,
-            height_px=height,
-            hole=Pinhole(fx=f, fy=f, cx=cx, cy=cy),
-            distortion=lens.OPF.distortion([*radial, *tangential]),
-            wrong=node.wrong,
-        )
+        hole = Pinhole(fx=f, fy=f, cx=cx, cy=cy)
+        return lens.OPF.lens([*radial, *tangential], hole, (width, height), node.wrong)
     if kind.text() != "fisheye":
         raise kind.wrong(quoted(kind.text()), "must be one of perspective, fisheye")
     affine, polynomial = node.one("affine"), node.one("polynomial")
@@ -310,10 +291,10 @@ def _images(
         for capture in documents[BEFORE].one("captures").each()
         for camera in capture.one("cameras").each()
     ]
-    cameras = _by_id(camera for camera, _ in pairs)
+    cameras = project.by_id(_ids(camera for camera, _ in pairs))
     files = documents[FILES].all("cameras")
     uris = {file.one("id").text(): file.one("uri").text().replace("\\", "/") for file in files}
-    named = _named(cameras, [uris.get(i, i).rpartition("/")[2] for i in cameras])
+    named, _ = project.named(cameras, [uris.get(i, i).rpartition("/")[2] for i in cameras])
     images, first = {}, dict[str, Node]()
     for (number, name), (camera, capture) in zip(named.items(), pairs, strict=True):
         leader = capture.one("reference_camera_id")
@@ -334,7 +315,7 @@ def _known(node: Node, ids: Iterable[str], kind: str) -> str:
 def _calibrated(document: Node) -> dict[str, Pose]:
     """Return the poses of calibrated cameras in the processing system, by camera numbers."""
     poses = {}
-    for i, camera in _by_id(document.all("cameras")).items():
+    for i, camera in project.by_id(_ids(document.all("cameras"))).items():
         opk = np.radians(camera.one("orientation_deg").numbers(3))
         r = camera.one("position").numbers(3, METRES)
         poses[i] = Pose(R=rotation_from_opk(opk[None])[0], r=r)
@@ -347,7 +328,7 @@ def _in_grid(documents: Mapping[str, Node], system: Chosen | None) -> project.In
     if not frame.value or system is None:
         root = frame if frame.value else documents[BEFORE]
         expected = "adjusted orientations need one"
-        return project.nowhere(root.wrong("has no coordinate system on the Earth", expected))
+        return root.wrong("has no coordinate system on the Earth", expected)
     node, to_canonical = frame.one("crs", "definition"), frame.one("base_to_canonical")
 
     def in_grid(T: Pose) -> tuple[Array, Array]:
@@ -390,7 +371,7 @@ def _measured(captures: Mapping[str, Node], system: Chosen | None) -> Trajectory
     }
     for names, values in sigmas.items():
         if (values > 0).all():
-            columns = np.round(values, project.DEGREES).T.tolist()
+            columns = np.round(values, 9).T.tolist()
             table |= {f"sigma_{name}": column for name, column in zip(names, columns, strict=True)}
     return Trajectory(table=table, assumed=(ANGLES,))
 
@@ -498,9 +479,9 @@ def _enh(system: Chosen, place: _Place) -> Array:
 
 def _points(document: Node) -> tuple[dict[str, Node], dict[str, tuple[_Place, bool]]]:
     """Return the points with marks, and the places of control points and whether they check."""
-    gcps = _by_id(document.all("gcps"))
-    points = _by_id([*gcps.values(), *document.all("mtps")])
-    project.require_names([*points], lambda name, fault, wanted: points[name].wrong(fault, wanted))
+    gcps = project.by_id(_ids(document.all("gcps")))
+    points = project.by_id(_ids([*gcps.values(), *document.all("mtps")]))
+    project.named(points, list(points))
     return points, {
         name: (_place(gcp.one("geolocation")), gcp.value.get("is_checkpoint") is True)
         for name, gcp in gcps.items()
@@ -519,7 +500,7 @@ def _marks(
                 raise mark.wrong(f"{name} is twice in one camera", "must be there once")
             marks[key] = mark.one("position_px").numbers(2, RANGES["col_px"]) - HALF
     seen = [(rows[i], name, colrow) for (i, name), colrow in marks.items() if i in rows]
-    calibrated = _by_id(documents[MARKED].all("points"))
+    calibrated = project.by_id(_ids(documents[MARKED].all("points")))
     x_w = {i: one.one("coordinates").numbers(3, METRES) for i, one in calibrated.items()}
     return Measured.of(seen, x_w), len(marks) - len(seen)
 

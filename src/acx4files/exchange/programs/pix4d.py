@@ -112,7 +112,7 @@ def read_project(
     offset: Array = np.zeros(3)
     shots = _shots(parameters)
     names = tuple(shot.name for shot in shots)
-    project.require_names(names, project.naming(partial(parameters.wrong, "image")))
+    project.require_names(names, partial(parameters.wrong, "image"))
     if OFFSET in files:
         blank = Line(file=files[OFFSET].file, number=1, cells=())
         offset = next(safe.lines(files[OFFSET]), blank).numbers(0, 3, "offset", METRES)
@@ -230,13 +230,9 @@ def _shot(rows: list[Line]) -> _Shot:
 
 def _lens(source: Opened, shot: _Shot) -> Lens:
     (fx, skew, cx), (_, fy, cy) = shot.K[:2].tolist()
-    return Lens(
-        width_px=shot.size[0],
-        height_px=shot.size[1],
-        hole=Pinhole(fx=fx, fy=fy, cx=cx - HALF, cy=cy - HALF, skew=skew),
-        distortion=lens.OPENCV.distortion(shot.coefficients),
-        wrong=partial(source.wrong, "camera", line=shot.line.number),
-    )
+    hole = Pinhole(fx=fx, fy=fy, cx=cx - HALF, cy=cy - HALF, skew=skew)
+    wrong = partial(source.wrong, "camera", line=shot.line.number)
+    return lens.OPENCV.lens(shot.coefficients, hole, shot.size, wrong)
 
 
 def _with_pixel(one: Lens, internal: Opened) -> Lens:
@@ -314,9 +310,9 @@ def _in_grid(parameters: Opened, system: Chosen | None, *, placed: bool) -> proj
         return parameters.wrong("crs", f"adjusted orientations: {fault}", expected)
 
     if system is None:
-        return project.nowhere(lacks(f"no *_{SYSTEM} says the CRS", "give it by --crs"))
+        return lacks(f"no *_{SYSTEM} says the CRS", "give it by --crs")
     if not placed:
-        return project.nowhere(lacks(f"*_{OFFSET} is not there", "must be beside it"))
+        return lacks(f"*_{OFFSET} is not there", "must be beside it")
     if system.crs == LOCAL:
         return project.as_they_are
 

@@ -346,14 +346,18 @@ def read(  # noqa: PLR0913 options of a command
         source=origin,
         sha256=safe.checksums([text]),
         assumed=(
-            f"{listed.said}; x counts east, y north{'' if names else '; exposures are numbered'}.",
-            *listed.text_said,
+            f"{listed.said} {_axes_said(listed)}{'' if names else '; exposures are numbered'}.",
             *_attitudes_said(listed, meaning, forms[0], whose),
             heights_said(meaning),
         ),
         found=(*_found(listed, meaning, forms[0]), *says),
         left_out=listed.left_out("orientation"),
     )
+
+
+def _axes_said(listed: Listed) -> str:
+    datum = "; latitude and longitude are of the datum of the flight's CRS"
+    return f"x counts east, y north{datum if listed.has(*LONLAT) else ''}"
 
 
 def _attitudes_said(
@@ -576,7 +580,7 @@ def measured(
         sha256=safe.checksums([listed.source for listed in every]),
         tables=tables,
         assumed=(
-            *dict.fromkeys(" ".join([f"{one.said}.", *one.text_said]) for one in every),
+            *dict.fromkeys(one.said for one in every),
             "Columns count to the right and rows down, in pixels; the middle of the first pixel is "
             f"{first}, {first}.",
         ),
@@ -641,7 +645,7 @@ def surveyed(
         tables={"control_points.csv": table},
         pictures=grid_file(meaning),
         assumed=(
-            " ".join([f"{listed.said}.", *listed.text_said, "x counts east, y north."]),
+            f"{listed.said} {_axes_said(listed)}.",
             heights_said(meaning),
         ),
         found=(

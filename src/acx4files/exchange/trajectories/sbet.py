@@ -126,7 +126,7 @@ def read(  # noqa: PLR0913 options of a command
         assumed=(
             "The trajectory counts seconds of the week in GPS time; the times of the events are "
             f"{time}{shift}; they are placed in the nearest week.",
-            " ".join([f"{listed.said}.", *listed.text_said]),
+            listed.said,
             "True heading is platform heading minus wander angle; roll, pitch and heading are "
             "forward-right-down against north-east-down.",
             "Positions are those of the point to which the SBET refers, taken for the IMU; "
@@ -137,11 +137,7 @@ def read(  # noqa: PLR0913 options of a command
         left_out=(
             "Accelerations and rates of turn of the SBET: attitudes turn evenly between records.",
             *([] if is_faithful else ["Velocities: positions are on straight lines instead."]),
-            *(
-                []
-                if spread
-                else ["No SMRMSG was given: standard deviations are those of [apriori]."]
-            ),
+            *([] if spread else [NO_SMRMSG]),
         ),
     )
 

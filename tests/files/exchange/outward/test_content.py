@@ -21,9 +21,8 @@ from acx4files.exchange.outward.content import (
 )
 from acx4files.exchange.outward.programs import KINDS
 from acx4files.flight.settings import camera_of
-from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import FlightError, OutputError
-from acx4lib.geometry.frames import Pose, exp, log, opk_from_rotation, rotation_from_opk
+from acx4lib.geometry.frames import Pose, exp, log
 from acx4lib.geometry.geodesy import GridSystem, mean_origin
 from support.helpers import needs
 from support.run_results import edit_summary, estimated, leave_calibration
@@ -31,7 +30,7 @@ from support.run_results import edit_summary, estimated, leave_calibration
 
 def test_a_calibration_comes_back_with_its_a_posteriori_covariance(rig):
     found, known = content.read(rig), estimated("LEFT", "RIGHT")
-    assert (found.method, found.mounted, found.others) == ("rig", True, ())
+    assert (found.method, found.others) == ("rig", ())
     for own, camera in zip(found.cameras, known.cameras, strict=True):
         assert_allclose(own.interior.to_array(), camera.interior.to_array(), rtol=1e-14)
         assert_allclose(own.T_b_c.R, camera.T_b_c.R, atol=1e-14)
@@ -43,51 +42,11 @@ def test_a_calibration_comes_back_with_its_a_posteriori_covariance(rig):
     )
 
 
-def related():
-    """Two heads in the axes of CAM, with different sigma of all angles."""
-    cov = np.zeros((32, 32))
-    cov[np.arange(30), np.arange(30)] = np.concatenate(
-        [np.tile([1e-6] * 3 + [1e-10, 2e-10, 3e-10], 2), np.tile([0.0, 1e-6, 1e-6] + [0.0] * 6, 2)]
-    )
-    return RelativeOrientation(
-        heads=estimated("LEFT", "RIGHT").cameras,
-        xyz_mm=np.zeros((2, 3)),
-        opk=np.radians([[-15.0, 1.0, 90.0], [15.0, -1.0, -90.0]]),
-        cov_joint=cov,
-        n_exposures=6,
-    )
-
-
-def test_heads_without_a_mounting_have_their_relative_rotation_with_sigma(tmp_path):
-    """The frame of the synthetic camera cancels; so does sigma of what the heads share."""
-    left = related()
-    found = content.read(leave_calibration(tmp_path, estimated("LEFT", "RIGHT"), related=left))
-    assert (found.method, found.mounted) == ("relative_orientation", False)
-    first, second = to_first(found.calibration)
-    R_s = rotation_from_opk(left.opk)
-    assert_allclose(second.T_r_h.R, R_s[0].T @ R_s[1], atol=1e-12)
-    assert np.all(first.cov == 0)
-    rotations = [np.linalg.inv(_opk_jacobian(opk)) for opk in left.opk]
-    own = [J @ np.diag([1e-10, 2e-10, 3e-10]) @ J.T for J in rotations]
-    R_h_r = second.T_r_h.R.T
-    assert_allclose(second.cov[3:, 3:], own[1] + R_h_r @ own[0] @ R_h_r.T, rtol=1e-9, atol=1e-20)
-
-
-def _opk_jacobian(opk):
-    """By differences: d(opk) / d(rotation about the camera's axes)."""
-    R, step = rotation_from_opk(opk), 1e-6
-    turned = [
-        (opk_from_rotation(R @ exp(d)) - opk_from_rotation(R @ exp(-d))) / (2 * step)
-        for d in step * np.eye(3)
-    ]
-    return np.stack(turned, axis=1)
-
-
 def test_what_is_not_there_is_one_line_that_says_what_is(rig, single, tmp_path):
     with pytest.raises(FlightError, match="no results of a run; acx4 run FLIGHT --results makes"):
         content.read(tmp_path)
-    with pytest.raises(FlightError, match="no calibration of refined that can be exported; it has"):
-        content.read(rig, method="refined")
+    with pytest.raises(FlightError, match=r"no calibration of single_step that can be .*; it has"):
+        content.read(rig, method="single_step")
     with pytest.raises(
         FlightError, match=r"no calibration of heads that can .*; it has single_step"
     ):
@@ -234,9 +193,6 @@ def test_what_cannot_be_oriented_is_one_line(rig, single):
         orient(found, found.flight, "validation")
     with pytest.raises(FlightError, match="images of CAM, not of LEFT, RIGHT; name another"):
         orient(found, found.flight, "calibration")
-    unmounted = replace(found, method="refined")
-    with pytest.raises(FlightError, match=r"refined has no boresight and no lever arm; .* rig"):
-        orient(unmounted, found.flight, "heads")
 
 
 # --- what is written, and what is refused ----------------------------------------------------

@@ -102,7 +102,7 @@ ROWS = [
     ("colmap", "rigs.txt", "CAMERA 1", "IMU 1", "rig: reference sensor 'IMU'; must be CAMERA"),
     ("metashape", "c.xml", "<f>1450.0</f>", "<fx>1.0</fx>", "calibration: has <fx>: PhotoScan"),
     ("metashape", "c.xml", "<f>1450.0</f>", "<f>-3</f>", "f: '-3'; must be positive"),
-    ("metashape", "c.xml", 'label="P3"', 'label="P2"', "marker label: 'P2' is there twice"),
+    ("metashape", "c.xml", 'label="P3"', 'label="P2"', "marker: 'P2' is there twice"),
     ("metashape", "c.xml", "PROJCS[", "PROJXX[", "reference: coordinate system is none that PROJ"),
     ("saved", "s.xml", ">frame<", ">equirectangular<", "s.xml:2: projection: 'equirectangular'"),
     ("saved", "s.xml", "<f>1450.0</f>", "", "s.xml:1: calibration: <f> is missing"),

@@ -177,10 +177,12 @@ def test_a_list_of_odm_is_the_same_as_the_json(tmp_path):
 
 
 def test_the_middle_of_the_image_and_the_focal_length_are_in_pixels(tmp_path):
-    path = tmp_path / "cameras.json"
     size = {"width": 600, "height": 400}
     two = {"projection_type": "radial", "focal_x": 1, "focal_y": 2, "c_x": 0.01, "c_y": 0.1}
-    path.write_text(json.dumps({"a": {"focal": 0.9, **size}, "b": {**two, **size}}))
-    a, b = (one.hole for one in reading.read_project(path).lenses.values())
+    shots = {name: {"camera": name, "rotation": [0] * 3, "translation": [0] * 3} for name in "ab"}
+    whole = {"cameras": {"a": {"focal": 0.9, **size}, "b": {**two, **size}}, "shots": shots}
+    folder = written.write(tmp_path / "p", whole)
+    (folder / "tracks.csv").unlink()
+    a, b = (one.hole for one in reading.read_project(folder).lenses.values())
     assert (a.fx, a.cx, a.cy) == (540.0, 299.5, 199.5)
     assert (b.fx, b.fy, b.cx, b.cy) == (600.0, 1200.0, 305.5, 259.5)
