@@ -33,7 +33,7 @@ def ordered(flight: Flight, parts: Sequence[str]) -> tuple[str, ...]:
     ----------
     flight : Flight
     parts : sequence of str
-        Of `table_files.NOTEBOOKS`, in the order of these.
+        Of `folder.NOTEBOOKS`, in the order of these.
     """
     if "rig" not in parts or "synthetic" not in parts or not rig_leads(flight):
         return tuple(parts)
