@@ -112,7 +112,7 @@ def test_a_stage_that_fails_leaves_the_results_as_they_were(
         msg = "no convergence"
         raise AdjustmentError(msg)
 
-    monkeypatch.setitem(runner.RUNS, "mounting", fail)
+    monkeypatch.setattr(runner.mounting, "run", fail)
     with pytest.raises(AdjustmentError, match="no convergence"):
         runner.run(flight_path, folder)
     assert tables(folder) == before
