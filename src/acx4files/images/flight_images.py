@@ -330,12 +330,13 @@ def _render(
     feather_px = FEATHER_PX / k if blend == "feather" else 0.0
     plan = render_plan(orientation, synthetic, response=response, feather_px=feather_px)
     shape = plan.height_px, plan.width_px, bands * (len(images) if is_stack else 1)
+    rooms = np.empty((2, TILE, *shape[1:]), dtype)
 
     def stripe(start: int) -> Raster:
         stop = min(start + TILE, shape[0])
         if is_stack:
             return stack(plan, images, start, stop)
-        out = np.empty((stop - start, *shape[1:]), dtype)
+        out = rooms[start // TILE % 2, : stop - start]
         render_into(out, plan, images, start)
         return out
 

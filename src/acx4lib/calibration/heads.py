@@ -105,7 +105,6 @@ class RelativeOrientation:
         n = len(self.heads)
         for name in ("xyz_mm", "opk"):
             expected.shape(name, getattr(self, name), (n, 3))
-            expected.finite(name, getattr(self, name))
         expected.shape("cov_joint", self.cov_joint, (16 * n, 16 * n))
 
     def __repr__(self) -> str:

@@ -14,7 +14,6 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
-from acx4lib import expected
 from acx4lib.block import Block, ImagePoints, Images, Trajectory
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration.estimates import Calibration, to_reported
@@ -66,9 +65,6 @@ class Budget:
     """
 
     variance: Array
-
-    def __post_init__(self) -> None:
-        expected.shape("variance", self.variance, ("n", 3, len(SOURCES)))
 
     def __len__(self) -> int:
         """Count the points."""
@@ -156,7 +152,6 @@ def shares(variance: Array) -> dict[str, Array]:
     dict of str to ndarray, shape (...)
         By the names of `GROUPS`; they add up to one.
     """
-    expected.shape("variance", variance, (..., len(SOURCES)))
     total = variance.sum(axis=-1)
     return {
         name: variance[..., [SOURCES.index(source) for source in sources]].sum(axis=-1) / total

@@ -115,7 +115,7 @@ def read_project(
             T_w_c=T_w_c,
         ),
         measured=measured,
-        proofs=(Proof(whose="COLMAP's own points", measured=measured),),
+        proofs=(Proof(whose="COLMAP's own points", measured=measured, is_own=True),),
         settings={
             "name": folder.resolve().name,
             **({} if crs is None else {"crs": crs, "heights": "ellipsoidal"}),

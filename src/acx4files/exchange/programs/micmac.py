@@ -170,7 +170,7 @@ def read_project(
         measured=measured,
         proofs=(
             Proof(whose="surveyed points", measured=measured),
-            Proof(whose="points that MicMac projected itself (Verif)", measured=own),
+            Proof(whose="points that MicMac projected itself (Verif)", measured=own, is_own=True),
         ),
         control=Control(names=(*content.places,), enh=surveyed[:, 0], sigma=surveyed[:, 1]),
         settings={} if crs is None else {"crs": crs, "heights": "ellipsoidal"},

@@ -101,7 +101,7 @@ def read_project(
     place = _place_of(files, root, images.T_w_c.r, gps, crs)
     listed = [file for file in map(files.maybe, CONTROL) if file is not None]
     marks, control, lost = Measured(), None, dict[str, int]()
-    proofs = [Proof(whose="the program's own points", measured=ties)]
+    proofs = [Proof(whose="the program's own points", measured=ties, is_own=True)]
     if listed and place is None:
         others = (f"{listed[0].name}: the reconstruction has no place on the Earth", *others)
     elif listed and place is not None:

@@ -128,8 +128,8 @@ def read_project(
         ),
         measured=project.joined(marks, ties),
         proofs=(
-            Proof(whose="the calibrated control points", measured=marks),
-            Proof(whose="the calibrated tie points", measured=ties),
+            Proof(whose="the calibrated control points", measured=marks, is_own=True),
+            Proof(whose="the calibrated tie points", measured=ties, is_own=True),
         ),
         control=control,
         settings={

@@ -210,7 +210,7 @@ class Listed:
                 f"The heading in line {self.heading_line}, since the columns are declared{against}."
             )
         skipped = [k for k, column in enumerate(self.columns) if column.name == SKIP]
-        named = [self.heading[k] if self.heading else f"column {k + 1}" for k in skipped]
+        named = [self.heading[k] if k < len(self.heading) else f"column {k + 1}" for k in skipped]
         named += [f"{self.n_beyond} after those declared"] * bool(self.n_beyond)
         if named:
             sentences.append(f"Columns that are no {what}: {', '.join(named)}.")
@@ -281,7 +281,7 @@ def read_list(
     if not rows:
         raise source.wrong("file", "has a heading and no rows", "must have rows")
     n_beyond = max(len(rows[-1]) - len(named), 0) if columns else 0
-    for row in rows if heading is None else (heading, *rows):
+    for row in rows:
         if len(row) != len(named) + n_beyond:
             hint = "blanks in a name, degrees and minutes, or decimal commas?"
             hint = hint if len(row) > len(named) else "cut off?"
