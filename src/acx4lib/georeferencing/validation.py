@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from acx4lib import shown
-from acx4lib.block import Block, SurveyedPoints, standing_out
+from acx4lib.block import Block, SurveyedPoints
 from acx4lib.bundle.adjust import Bundle, mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting, elsewhere
 from acx4lib.bundle.rejections import CRITICAL, Rejection, Stopped, within_limits
@@ -201,8 +201,7 @@ def validate(
     try:
         return _validated(block, direct.georeference(block, calibration, model), method)
     except np.linalg.LinAlgError as error:
-        where = f"the equations of the check points{standing_out(block)}"
-        raise unsolvable(str(error), where) from error
+        raise unsolvable(str(error), "the equations of the check points") from error
 
 
 def _validated(block: Block, georeferenced: Georeferenced, method: str) -> Validation:
