@@ -18,7 +18,7 @@ from typing import Any, Protocol, TypeVar, get_type_hints
 import numpy as np
 
 from acx4files.exchange import coordinates
-from acx4files.exchange.coordinates import stacked
+from acx4files.exchange.coordinates import UNKNOWN, stacked
 from acx4files.exchange.flight_folder import ImportedFlight, number_of
 from acx4files.exchange.lens import NOMINAL_UM, WARNED_PX, WORST_PX, Lens, Refitted, too_far
 from acx4files.exchange.options import Allow, BlockOfProject, PixelUmOfProject
@@ -97,6 +97,18 @@ class Images:
     exposures: tuple[str, ...] = ()
     T_w_c: Pose = field(default_factory=lambda: stacked([]))
     enabled: Mask | None = None
+
+    @classmethod
+    def of(
+        cls, rows: Iterable[tuple[str, str, str, Pose | None]], enabled: Mask | None = None
+    ) -> Images:
+        """Return images from name, camera, exposure and orientation, if any, of each."""
+        listed = [*rows]
+        if not listed:
+            return cls()
+        names, cameras, exposures, poses = zip(*listed, strict=True)
+        T_w_c = stacked([UNKNOWN if pose is None else pose for pose in poses])
+        return cls(names=names, cameras=cameras, exposures=exposures, T_w_c=T_w_c, enabled=enabled)
 
     @property
     def used(self) -> Mask:

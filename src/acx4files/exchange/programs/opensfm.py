@@ -22,7 +22,7 @@ from typing import Annotated
 import numpy as np
 
 from acx4files.exchange import coordinates, lens, options, project, safe
-from acx4files.exchange.coordinates import FLIP, UNKNOWN, Chosen, stacked
+from acx4files.exchange.coordinates import FLIP, Chosen, stacked
 from acx4files.exchange.lens import Lens, Pinhole
 from acx4files.exchange.project import Control, Images, Measured, Project, Proof
 from acx4files.exchange.safe import Line, Node, Opened
@@ -481,12 +481,7 @@ def control(
     return Project(
         source="ODM's control points",
         sources=[file],
-        images=Images(
-            names=tuple(images),
-            cameras=(camera or "",) * len(images),
-            exposures=tuple(images),
-            T_w_c=stacked([UNKNOWN] * len(images)),
-        ),
+        images=Images.of((image, camera or "", image, None) for image in images),
         measured=Measured.of(
             [(k, name, at) for k, (_, name, at) in zip(image_idx, seen, strict=True)]
         ),
