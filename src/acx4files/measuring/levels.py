@@ -1,8 +1,9 @@
-"""Corners that cover a picture evenly (Harris), one in each of its cells."""
+"""A block of pictures matched from small to large: each level refines what the next begins with."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -10,14 +11,16 @@ from itertools import pairwise
 import numpy as np
 
 from acx4files.measuring.oriented import TieRays, approximate, chosen, joined, refined
-from acx4files.measuring.pairs import Both, Matching, MatchOptions, PairJob
+from acx4files.measuring.pairs import MatchOptions, PairJob, each, match_pair
 from acx4files.measuring.views import Surface, View, ground_of, pixels_of, pixels_of_view, seen_at
 from acx4lib import expected
 from acx4lib.block import Block
 from acx4lib.errors import FlightError
-from acx4lib.expected import Array, Index, Mask
+from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import inside
 from acx4lib.tie_points.matching import grey, response
+
+# --- Corners that cover a picture evenly (Harris), one in each of its cells
 
 
 def corners(view: View, *, number: int, margin: int) -> Index:
@@ -105,8 +108,7 @@ def _ground_px(view: View, x_m: Array) -> float:
     return high * view.declared.pixel_mm / view.declared.interior.f
 
 
-# --- A block of pictures matched from small to large: each level refines what the next
-# begins with
+# --- The levels
 
 
 COARSE_PX = 760
@@ -118,8 +120,8 @@ COARSE, FINE = MatchOptions(search_px=14, epipolar_px=1.0), MatchOptions()
 FAINT = MatchOptions(correlation_px=21, least_correlation=0.4, largest_sigma_px=0.35)
 """Where features gave the orientations: of photographs, in which lawns and woods correlate less."""
 
-USUAL, MANY = 200, 700
-"""Cells of a picture. Where a trajectory is poor, more tie points are needed."""
+POINTS = 700
+"""Cells of a picture, each of which gives one corner at most."""
 
 ONE_WAY = float(np.cos(np.radians(5.0)))
 """Cosine of the angle below which two heads look one way."""
@@ -127,9 +129,11 @@ ONE_WAY = float(np.cos(np.radians(5.0)))
 STEP_DOWN = 4
 """Largest ratio of the sizes of two levels that follow each other."""
 
-CROWDED, APART = 3, 1 / 4
-"""Distance of corners, in windows, below which each place belongs to the picture that shows it
-nearest to its middle; and the least distance of points."""
+APART = 1 / 4
+"""Least distance of points, in windows."""
+
+_LEAST_RAYS = 12
+_CURE = "are trajectory, mount_*_deg and --ground right, and are the files those of these images?"
 
 Tell = Callable[[str, int, int], None]
 
@@ -140,22 +144,20 @@ class MeasureOptions:
 
     Attributes
     ----------
-    points : int or None
-        Cells of a picture, each of which gives at most one corner; by default `USUAL`, and `MANY`
-        where features gave the orientations.
+    points : int
+        Cells of a picture, each of which gives at most one corner.
     reduce : int
         Pictures are measured at 1/reduce of their size; for poor ones.
     ground_m : float or None
         Height of the mean ground, as the flight gives heights.
     """
 
-    points: int | None = None
+    points: int = POINTS
     reduce: int = 1
     ground_m: float | None = None
 
     def __post_init__(self) -> None:
-        if self.points is not None:
-            expected.whole("points", self.points, least=20)
+        expected.whole("points", self.points, least=20)
         expected.whole("reduce", self.reduce)
 
 
@@ -195,7 +197,7 @@ def match_block(
     surface: Surface,
     *,
     options: MeasureOptions,
-    matching: Matching,
+    executor: Executor | None,
     tell: Tell,
     skip: int = 0,
 ) -> Matched:
@@ -213,7 +215,8 @@ def match_block(
     surface : Surface
         Approximate ground.
     options : MeasureOptions
-    matching : Matching
+    executor : Executor or None
+        Where pairs are matched; by default here.
     tell : callable
         Called with the name of a level, its finished pairs, and all.
     skip : int
@@ -227,23 +230,18 @@ def match_block(
         Where the points cannot be adjusted.
     """
     best, of_file = None, views[0].shrink
-    n_points = options.points or (MANY if skip else USUAL)
-    camera = block.images.camera_idx
     sizes = sizes_of(views, options.reduce)
     for k, shrink in enumerate(sizes[min(skip, len(sizes) - 1) :], start=skip):
         views = [seen_at(view, k) for view, k in zip(views, shrink, strict=True)]
         match = FAINT if skip else FINE if k else COARSE
-        run = partial(matching.run, count=partial(tell, f"{block.name} 1/{max(shrink)}"))
-        pairs = [p for p in overlapping(views, surface) if not skip or _worth_it(block, *p)]
-        of_head = [(i, j) for i, j in pairs if camera[i] == camera[j]]
-        pixels = _corners(views, surface, of_head, n_points, match.window_px)
+        count = partial(tell, f"{block.name} 1/{max(shrink)}")
         try:
-            rays = _matched(block, views, surface, pairs, pixels, match, run)
+            rays = _matched(block, views, surface, options.points, match, executor, count)
         except FlightError:
             if best is None:
                 raise
             break
-        oriented = refined(approximate(block, _height(views, surface)), views, rays)
+        oriented = refined(approximate(block, height(views, surface)), views, rays)
         views, surface = oriented.views, oriented.surface
         level = Matched(
             views=oriented.views,
@@ -259,8 +257,8 @@ def match_block(
     return best
 
 
-def beyond_search(block: Block, views: Sequence[View], surface: Surface, reduce: int) -> str:
-    """Say where the trajectory's sigma moves pictures by more than the first level searches.
+def is_within_search(block: Block, views: Sequence[View], surface: Surface, reduce: int) -> bool:
+    """Tell whether the trajectory's sigma moves pictures by less than the first level searches.
 
     Parameters
     ----------
@@ -272,27 +270,14 @@ def beyond_search(block: Block, views: Sequence[View], surface: Surface, reduce:
         Approximate ground.
     reduce : int
         As in `MeasureOptions`.
-
-    Returns
-    -------
-    str
-        Empty where it does not, or has no sigma.
     """
     exposures = block.images.exposure_idx
     position = block.trajectory.sigma_position[exposures].max(axis=1)
     attitude = block.trajectory.sigma_attitude[exposures].max(axis=1)
-    across = np.hypot(position / _height(views, surface), attitude)
-    first = sizes_of(views, reduce)[0]
-    f_px = np.array([v.declared.interior.f / v.declared.pixel_mm for v in views]) / first
-    apart = np.sqrt(2) * across * f_px  # of a picture against another
-    wide = apart[np.isfinite(apart) & (apart > COARSE.search_px)]
-    if not len(wide):
-        return ""
-    return (
-        f"{block.name}: by its sigma the trajectory puts pictures up to {wide.max():.0f} px off "
-        f"against each other at the first size, 1/{max(first)}, where {COARSE.search_px} px are "
-        "searched: points may be missed"
-    )
+    across = np.hypot(position / height(views, surface), attitude)
+    f_px = np.array([v.declared.interior.f / v.declared.pixel_mm for v in views])
+    apart = np.sqrt(2) * across * f_px / sizes_of(views, reduce)[0]  # of one against another
+    return not np.any(np.isfinite(apart) & (apart > COARSE.search_px))
 
 
 def sizes_of(views: Sequence[View], reduce: int) -> list[list[int]]:
@@ -305,26 +290,36 @@ def sizes_of(views: Sequence[View], reduce: int) -> list[list[int]]:
     return [[k * factor for k in last] for factor in factors]
 
 
+def height(views: Sequence[View], surface: Surface) -> float:
+    """Return the flying height above ground, m."""
+    z = np.median([view.T_m_c.r[0, 2] for view in views])
+    return max(float(z - np.mean(surface.z)), 1.0)
+
+
 def _matched(
     block: Block,
     views: Sequence[View],
     surface: Surface,
-    pairs: Sequence[tuple[int, int]],
-    pixels: Sequence[Index],
+    n_points: int,
     options: MatchOptions,
-    run: Callable[[Sequence[PairJob]], list[Both]],
+    executor: Executor | None,
+    count: Callable[[int, int], None],
 ) -> TieRays:
     """Return the points of one level."""
+    camera = block.images.camera_idx
+    pairs = [p for p in overlapping(views, surface) if _worth_it(block, *p)]
     if not pairs:
         raise FlightError([f"block {block.name}: no two pictures show the same ground; {_CURE}"])
+    margin = options.window_px // 2 + 3
+    pixels = [corners(view, number=n_points, margin=margin) for view in views]
     jobs = [
         PairJob(
             a=views[i], b=views[j], surface=surface, at_a=pixels[i], at_b=pixels[j], options=options
         )
         for i, j in pairs
     ]
-    matches = dict(zip(pairs, run(jobs), strict=True))
-    rays = joined(pixels, matches, block.images.camera_idx)
+    matches = dict(zip(pairs, each(match_pair, jobs, executor, count), strict=True))
+    rays = joined(pixels, matches, camera)
     shown = _shown(views, surface, pixels, pairs)
     rays = chosen(rays, shown[rays.point], apart_px=options.window_px * APART)
     if len(rays) < _LEAST_RAYS * len(views):
@@ -347,53 +342,6 @@ def _worth_it(block: Block, i: int, j: int) -> bool:
     return bool(same or look[0] @ look[1] < ONE_WAY)
 
 
-_CURE = "are trajectory, mount_*_deg and --ground right, and are the files those of these images?"
-_LEAST_RAYS = 12
-
-
-def _corners(
-    views: Sequence[View],
-    surface: Surface,
-    pairs: Sequence[tuple[int, int]],
-    n_points: int,
-    window_px: int,
-) -> list[Index]:
-    """Return the corners of every view; where crowded, only those in the view that shows them best.
-
-    Pictures of a head that share a place have the same corners there, and of those that are close
-    to each other only one would be used. So the place is left to the picture that shows it nearest
-    to its middle, which has more of them. Pairs are those of each head.
-    """
-
-    def corners_of(number: int) -> list[Index]:
-        return [corners(view, number=number, margin=window_px // 2 + 3) for view in views]
-
-    size = views[0].camera
-    if size.width_px * size.height_px > n_points * (CROWDED * window_px) ** 2:
-        return corners_of(n_points)
-    shown = float(np.mean(_shown(views, surface, corners_of(USUAL), pairs)))
-    pixels = corners_of(int(n_points * shown))
-    return [colrow[_is_master(k, colrow, views, surface, pairs)] for k, colrow in enumerate(pixels)]
-
-
-def _is_master(
-    i: int, colrow: Index, views: Sequence[View], surface: Surface, pairs: Sequence[tuple[int, int]]
-) -> Mask:
-    """Tell which corners are nearer to the middle of their view than to that of any other, (n,)."""
-    x_m = ground_of(views[i], surface, colrow.astype(float))
-    distance = _off_middle(views[i], colrow.astype(float))
-    best = np.ones(len(colrow), dtype=bool)
-    for other in (views[a + b - i] for a, b in pairs if i in (a, b)):
-        best &= ~(_off_middle(other, pixels_of(other, x_m)) < distance)  # NaN is not nearer
-    return best
-
-
-def _off_middle(view: View, colrow: Array) -> Array:
-    """Return distances from the middle of a picture, in its diagonals."""
-    middle = np.array([view.camera.width_px - 1, view.camera.height_px - 1]) / 2
-    return np.asarray(np.linalg.norm(colrow - middle, axis=1) / view.camera.diagonal_px)
-
-
 def _shown(
     views: Sequence[View],
     surface: Surface,
@@ -404,9 +352,8 @@ def _shown(
     out = []
     for i, (view, colrow) in enumerate(zip(views, pixels, strict=True)):
         x_m = ground_of(view, surface, colrow.astype(float))
-        others = [views[a + b - i] for a, b in pairs if i in (a, b)]
         n = np.ones(len(colrow), dtype=np.intp)
-        for other in others:
+        for other in (views[a + b - i] for a, b in pairs if i in (a, b)):
             n += inside(other.camera, pixels_of(other, x_m))
         out.append(n)
     return np.concatenate(out)
@@ -416,9 +363,3 @@ def _whole_points(rays: TieRays) -> TieRays:
     """Return the rays of points that still have two."""
     _, inverse, count = np.unique(rays.point, return_inverse=True, return_counts=True)
     return rays[count[inverse] >= 2]
-
-
-def _height(views: Sequence[View], surface: Surface) -> float:
-    """Return the flying height above ground, m."""
-    z = np.median([view.T_m_c.r[0, 2] for view in views])
-    return max(float(z - np.mean(surface.z)), 1.0)

@@ -303,6 +303,4 @@ def test_turned_scaled_and_darker_pictures_are_oriented_to_a_pixel(tmp_path, dty
     if n == PART:
         assert coarse.apart == ()
         return
-    assert sorted(name for part in coarse.apart for name in part) == ["P6", "P7"]
-    assert all("not connected with the others" in line for line in coarse.said)
-    assert "P6" in " ".join(coarse.said)
+    assert sorted(coarse.apart) == ["P6", "P7"]
