@@ -6,14 +6,13 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
 from acx4files.measuring.oriented import TieRays, approximate, chosen, joined, refined
 from acx4files.measuring.pairs import MatchOptions, PairJob, each, match_pair
 from acx4files.measuring.views import Surface, View, ground_of, pixels_of, pixels_of_view, seen_at
-from acx4lib import expected
 from acx4lib.block import Block
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Index
@@ -40,23 +39,14 @@ def corners(view: View, *, number: int, margin: int) -> Index:
     across, down = max(round(cols / side), 1), max(round(rows / side), 1)
     edges_x = np.linspace(margin, cols - margin, across + 1).astype(int)
     edges_y = np.linspace(margin, rows - margin, down + 1).astype(int)
-    strongest = [
-        best
-        for top, bottom in pairwise(edges_y.tolist())
-        for left, right in pairwise(edges_x.tolist())
-        if (best := _best(image, (top, bottom, left, right))) is not None
-    ]
+    strongest = []
+    for (top, bottom), (left, right) in product(pairwise(edges_y), pairwise(edges_x)):
+        if bottom > top and right > left:
+            values = response(grey(np.ascontiguousarray(image[top:bottom, left:right])))
+            row, col = np.unravel_index(int(np.argmax(values)), values.shape)
+            if values[row, col] > 0:
+                strongest.append((left + col, top + row))
     return np.array(strongest, dtype=np.intp).reshape(-1, 2)
-
-
-def _best(image: Array, cell: tuple[int, int, int, int]) -> tuple[int, int] | None:
-    """Return col, row of the strongest corner in a cell; None where it has no corner."""
-    top, bottom, left, right = cell
-    if bottom <= top or right <= left:
-        return None
-    values = response(grey(np.ascontiguousarray(image[top:bottom, left:right])))
-    row, col = np.unravel_index(int(np.argmax(values)), values.shape)
-    return (left + int(col), top + int(row)) if values[row, col] > 0 else None
 
 
 # --- Which pictures show the same ground, by their approximate orientations
@@ -77,13 +67,15 @@ STEEPEST = 1.1
 
 def overlapping(views: Sequence[View], surface: Surface) -> list[tuple[int, int]]:
     """Return the pairs of views that show enough of the same ground, i < j."""
-    grounds = [ground_of(view, surface, _grid(view)) for view in views]
-    sizes = np.array([_ground_px(view, x_m) for view, x_m in zip(views, grounds, strict=True)])
-    share = np.array([_shares(view, grounds) for view in views])
+    grounds = np.array([ground_of(view, surface, _grid(view)) for view in views])
+    r = np.array([view.T_m_c.r[0] for view in views])
+    away = np.nanmedian(np.linalg.norm(grounds - r[:, None], axis=2), axis=1)
+    sizes = away * [view.declared.pixel_mm / view.declared.interior.f for view in views]
+    seen = [inside(view.camera, pixels_of(view, grounds.reshape(-1, 3))) for view in views]
+    share = np.array(seen).reshape(len(views), len(views), -1).mean(axis=2)
     both = np.maximum(share, share.T) >= LEAST_SHARE
     ratio = sizes[:, None] / sizes
     both &= np.maximum(ratio, ratio.T) <= LARGEST_SCALE
-    r = np.array([view.T_m_c.r[0] for view in views])
     base = np.hypot(*(r[:, None, :2] - r[None, :, :2]).transpose(2, 0, 1))
     high = r[:, 2] - float(np.mean(surface.z))
     both &= base <= STEEPEST * np.minimum(high[:, None], high)
@@ -94,18 +86,6 @@ def _grid(view: View) -> Array:
     cols, rows = view.camera.width_px, view.camera.height_px
     x, y = np.meshgrid(np.linspace(0, cols - 1, GRID), np.linspace(0, rows - 1, GRID))
     return np.column_stack([x.ravel(), y.ravel()])
-
-
-def _shares(view: View, grounds: Sequence[Array]) -> Array:
-    """Return the share of the points of every ground that a view shows."""
-    colrow = pixels_of(view, np.concatenate(grounds))
-    return np.asarray(inside(view.camera, colrow).reshape(len(grounds), -1).mean(axis=1))
-
-
-def _ground_px(view: View, x_m: Array) -> float:
-    """Return the size of a picture's pixel on the ground, m, at the declared size."""
-    high = float(np.nanmedian(np.linalg.norm(x_m - view.T_m_c.r[0], axis=1)))
-    return high * view.declared.pixel_mm / view.declared.interior.f
 
 
 # --- The levels
@@ -155,10 +135,6 @@ class MeasureOptions:
     points: int = POINTS
     reduce: int = 1
     ground_m: float | None = None
-
-    def __post_init__(self) -> None:
-        expected.whole("points", self.points, least=20)
-        expected.whole("reduce", self.reduce)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

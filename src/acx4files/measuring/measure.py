@@ -260,18 +260,10 @@ def _held(block: Block, coarse: Coarse | None) -> Block:
     """Return the block held by its positions, and by its attitudes unless features gave them."""
     if coarse is None:
         return firm(block)
-    found = coarse.block.trajectory
-    positions = block.trajectory
-    return firm(
-        replace(
-            coarse.block,
-            trajectory=replace(
-                found,
-                T_m_b=Pose(R=found.T_m_b.R, r=positions.T_m_b.r),
-                sigma_position=positions.sigma_position,
-            ),
-        )
-    )
+    found, given = coarse.block.trajectory, block.trajectory
+    T_m_b = Pose(R=found.T_m_b.R, r=given.T_m_b.r)
+    held = replace(found, T_m_b=T_m_b, sigma_position=given.sigma_position)
+    return firm(replace(coarse.block, trajectory=held))
 
 
 # --- what is said ----------------------------------------------------------------------------

@@ -107,12 +107,10 @@ def _features_of(view: View) -> _Features:
     sift = cv2.SIFT.create(nfeatures=MOST, contrastThreshold=_CONTRAST)
     points, descriptors = sift.detectAndCompute(even, None)
     colrow = np.array([point.pt for point in points], dtype=float).reshape(-1, 2)
-    total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1) if len(points) else 1.0
-    descriptor = (
-        np.zeros((0, 128))
-        if descriptors is None
-        else np.rint(_LENGTH * np.sqrt(descriptors / total))
-    )
+    if descriptors is None:
+        descriptors = np.zeros((0, 128))
+    total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1)
+    descriptor = np.rint(_LENGTH * np.sqrt(descriptors / total))
     camera = view.camera
     ideal = correct(camera.interior, xy_from_colrow(camera, colrow)) / camera.interior.f
     return _Features(

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from acx4files.measuring.pairs import Found
 from acx4files.measuring.views import Surface, View, seen_at, through
 from acx4lib import expected
-from acx4lib.block import NO_POINTS, Block, ImagePoints, Trajectory
+from acx4lib.block import NO_POINTS, Block, ImagePoints
 from acx4lib.bundle.adjust import Bundle, mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.calibration.common_errors import freely_turned
@@ -76,14 +76,11 @@ def joined(corners: Sequence[Index], pairs: Pairs, camera: Index) -> TieRays:
     """
     first = np.cumsum([0, *(len(colrow_of_view) for colrow_of_view in corners)])
     parts = [
-        (first[master] + matches.which, np.full(len(matches), view), matches)
+        (first[master] + found.which, np.full(len(found), view), found.colrow, found.sigma_px)
         for (i, j), both in pairs.items()
-        for master, view, matches in ((i, j, both[0]), (j, i, both[1]))
+        for master, view, found in ((i, j, both[0]), (j, i, both[1]))
     ]
-    point = np.concatenate([np.zeros(0, np.intp), *(p for p, _, _ in parts)])
-    view = np.concatenate([np.zeros(0, np.intp), *(v for _, v, _ in parts)])
-    sigma = np.concatenate([np.zeros((0, 2)), *(matches.sigma_px for _, _, matches in parts)])
-    colrow = np.concatenate([np.zeros((0, 2)), *(matches.colrow for _, _, matches in parts)])
+    point, view, colrow, sigma = (np.concatenate(part) for part in zip(*parts, strict=True))
     corner, inverse, count = np.unique(point, return_inverse=True, return_counts=True)
     mean_square = np.bincount(inverse, sigma[:, 0] ** 2) / count
     master = np.searchsorted(first, corner, side="right") - 1
@@ -372,10 +369,8 @@ def _with_sigma(block: Block, position_m: float, attitude: float) -> Block:
     declared = block.trajectory
     position = np.maximum(declared.sigma_position, position_m)
     attitudes = np.maximum(declared.sigma_attitude, attitude)
-    trajectory = Trajectory(
-        exposures=declared.exposures,
-        T_m_b=declared.T_m_b,
-        R_g_m=declared.R_g_m,
+    trajectory = replace(
+        declared,
         sigma_position=np.where(np.isfinite(position), position, _UNKNOWN_M),
         sigma_attitude=np.where(np.isfinite(attitudes), attitudes, _UNKNOWN),
     )
