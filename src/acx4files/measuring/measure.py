@@ -289,10 +289,9 @@ def _on_trajectory(block: Block, views: Sequence[View], apart: Sequence[str]) ->
     for name in np.unique(group):
         rows = off[group == name]
         mean = ", ".join(f"{value:+.1f}" for value in rows.mean(axis=0))
-        rms = ", ".join(f"{value:.1f}" for value in np.sqrt(np.mean(rows**2, axis=0)))
         yield (
             f"{block.name}: {name}, {shown.count(len(rows), 'exposure')}: the trajectory's roll, "
-            f"pitch, heading are off by {mean}°, each by {rms}° rms"
+            f"pitch, heading are off by {mean}° on average"
         )
 
 

@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import cv2
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from acx4files.measuring.views import Surface, View, pixels_of_view, transferred
 from acx4lib import expected
@@ -263,29 +264,21 @@ class Patches:
         from_middle : ndarray, shape (n, 2)
             Distances of the points from the middles, px.
         """
-        last = self.nodes.shape[1] - 2
-        position = (from_middle + self.side // 2) / STEP
-        i = np.clip(np.floor(position).astype(np.intp), 0, last)
-        (tx, ty), (c, r) = np.moveaxis(position - i, 1, 0)[..., None], i.T
-        low = (1 - tx) * self.nodes[which, r, c] + tx * self.nodes[which, r, c + 1]
-        high = (1 - tx) * self.nodes[which, r + 1, c] + tx * self.nodes[which, r + 1, c + 1]
-        return np.asarray((1 - ty) * low + ty * high)
+        at = np.column_stack([which, (from_middle[:, ::-1] + self.side // 2) / STEP]).T
+        both = [map_coordinates(self.nodes[..., k], at, order=1, mode="nearest") for k in (0, 1)]
+        return np.column_stack(both)
 
 
 def own_patches(view: View, at: Index, side: int) -> Patches:
     """Return a picture's own patches around pixels, shape (n, 2), as they are."""
-    image, half = pixels_of_view(view), side // 2
-    out = np.full((len(at), side, side), np.nan, np.float32)
-    rows, cols = image.shape[:2]
-    for patch, (col, row) in zip(out, at.tolist(), strict=True):
-        top, left = max(row - half, 0), max(col - half, 0)
-        bottom, right = min(row + half + 1, rows), min(col + half + 1, cols)
-        if bottom > top and right > left:
-            place = np.s_[
-                top - row + half : bottom - row + half, left - col + half : right - col + half
-            ]
-            patch[place] = grey(np.ascontiguousarray(image[top:bottom, left:right]))
-    return Patches(grey=out.reshape(-1, side), side=side, scale=np.ones(len(at)))
+    image, offset = pixels_of_view(view), np.arange(side) - side // 2
+    rows, cols = (at[:, k, None] + offset for k in (1, 0))
+    is_row, is_col = ((i >= 0) & (i < n) for i, n in zip((rows, cols), image.shape, strict=False))
+    rows, cols = (np.clip(i, 0, n - 1) for i, n in zip((rows, cols), image.shape, strict=False))
+    patches = image[rows[:, :, None], cols[:, None, :]]
+    out = grey(np.ascontiguousarray(patches.reshape(-1, side, image.shape[2])))
+    out[~(is_row[:, :, None] & is_col[:, None, :]).reshape(-1, side)] = np.nan
+    return Patches(grey=out, side=side, scale=np.ones(len(at)))
 
 
 def laid_patches(a: View, b: View, surface: Surface, at: Index, side: int) -> Patches:

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pandas as pd
+from scipy.ndimage import map_coordinates
 
 from acx4files.images.image_files import image_from_file, is_whole
 from acx4lib.block import Block
@@ -225,14 +226,8 @@ class Surface:
 
     def heights(self, xy: Array) -> Array:
         """Return the heights at places, shape (n,), m."""
-        last = np.array(self.z.shape[::-1]) - 1
-        cells = np.clip((xy - self.origin) / self.cell_m, 0, last)
-        i = np.minimum(cells.astype(np.intp), np.maximum(last - 1, 0))
-        (tx, ty), (c, r) = (cells - i).T, i.T
-        c1, r1 = np.minimum(c + 1, last[0]), np.minimum(r + 1, last[1])
-        low = (1 - tx) * self.z[r, c] + tx * self.z[r, c1]
-        high = (1 - tx) * self.z[r1, c] + tx * self.z[r1, c1]
-        return np.asarray((1 - ty) * low + ty * high)
+        cells = (xy - self.origin) / self.cell_m
+        return map_coordinates(self.z, cells.T[::-1], order=1, mode="nearest")
 
 
 def level(z: float) -> Surface:

@@ -57,7 +57,7 @@ def test_wrong_attitudes_and_positions_and_no_height_cost_no_measurement(whole, 
     assert len(found.off) > 0.9 * len(right.off)
     assert found.rms < 0.06
     assert len(outcome.matched.views) == 3
-    said = [re.search(r"are off by (\S+), (\S+), (\S+)°,", line) for line in outcome.sentences]
+    said = [re.search(r"are off by (\S+), (\S+), (\S+)° on", line) for line in outcome.sentences]
     told = np.array([found.groups() for found in said if found], float)
     # three pictures with positions that are wrong by nine metres are turned by two degrees
     np.testing.assert_allclose(told, list(OFF.values()), atol=3.0)
