@@ -94,6 +94,7 @@ mistakes: .venv/.stamp-test ## plant every systematic mistake in flights of ever
 bench: .venv/.stamp-test ## time commands, and the adjustment beside Ceres, for data/benchmarks
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.bench
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.adjusting.adjustment
+	@PYTHONPATH=tests $(BIN)/python -m benchmarks.adjusting.orders
 
 coverage: .venv/.stamp-test ## errors of simulated flights over their sigma, and their verdicts, for data/benchmarks
 	$(TESTS) benchmarks.coverage_flights

@@ -13,6 +13,7 @@ from acx4files import flight
 from acx4files.stages import pictures as taken
 from acx4lib.bundle import adjust
 from acx4lib.calibration.heads import calibrate_heads
+from acx4lib.model import Model
 from support import blocks
 from support.flights import pictured
 from support.flights.simulated import HEADS, fly
@@ -57,14 +58,16 @@ def noisy_block(exact_block):
 @pytest.fixture(scope="session")
 def mounted(noisy_block):
     """The noisy block adjusted in one step."""
-    return adjust.adjust(adjust.mounted_orientation(blocks.approximate(noisy_block), free=FREE))
+    return adjust.adjust(
+        adjust.mounted_orientation(blocks.approximate(noisy_block), Model(free=FREE))
+    )
 
 
 @pytest.fixture(scope="session")
 def self_calibrated(noisy_block):
     """The noisy block adjusted with free exterior orientation."""
     return adjust.adjust(
-        adjust.free_orientation(blocks.approximate(noisy_block), free=("xp", "yp", "k1"))
+        adjust.free_orientation(blocks.approximate(noisy_block), Model(free=("xp", "yp", "k1")))
     )
 
 
@@ -72,7 +75,7 @@ def self_calibrated(noisy_block):
 def fits():
     """The study's heads, simulated and calibrated one by one."""
     flown = fly("acx4", seed=1, blocks=("heads",)).flight
-    return calibrate_heads(flown.heads, HEADS, free=flown.estimate_heads).bundles
+    return calibrate_heads(flown.heads, HEADS, Model(free=flown.estimate_heads)).bundles
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from acx4files.results import folder as results
-from acx4files.results.provenance import check_kept, read_run
+from acx4files.results.provenance import read_run
 from acx4files.results.read_back import read_calibration
 from acx4lib.calibration import estimates
 from acx4lib.calibration.estimates import Calibration, Parameter
@@ -63,7 +63,6 @@ def read(folder: str | Path, *, method: str = "") -> Campaign:
         not end with a calibration.
     """
     run = read_run(folder)
-    check_kept(run, "mounting")
     stored, flight = run.found, run.flight
     chosen = method or next((m for m in COMPARED if f"mounting/{m}" in stored.summary), "")
     key = f"mounting/{chosen}"

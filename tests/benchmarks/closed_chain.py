@@ -32,6 +32,7 @@ from acx4lib.geometry.collinearity import project, rays
 from acx4lib.geometry.frames import Pose
 from acx4lib.georeferencing import accuracy
 from acx4lib.georeferencing.validation import Differences, Validation, validate
+from acx4lib.model import Model
 from acx4lib.synthetic_image.frame import head_from_synthetic
 from acx4lib.synthetic_image.transferred_points import (
     synthetic_block,
@@ -186,7 +187,7 @@ def with_noise_and_without(seed: int) -> list[Row]:
 
 def in_heads(flight: Flight) -> tuple[Mounting, Validation]:
     """Calibrate the rig of four heads on the same measurements, and validate in the heads."""
-    found = rig.calibrate(flight.calibration, free=flight.estimate_heads)
+    found = rig.calibrate(flight.calibration, Model(free=flight.estimate_heads))
     return found, validate(flight.validation, found.calibration, method="rig")
 
 

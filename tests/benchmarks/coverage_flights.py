@@ -25,7 +25,7 @@ from acx4book.chapters import weights
 from acx4book.command.runs import executor
 from acx4book.notebooks.simulated import fly_and_read
 from acx4files.flight.reader import Flight
-from acx4files.results.table_files import RELATIVE
+from acx4files.results.folder import RELATIVE
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.calibration import estimates, mounting
@@ -33,6 +33,7 @@ from acx4lib.expected import Array
 from acx4lib.geometry.collinearity import DISTORTION_AT
 from acx4lib.georeferencing import validation
 from acx4lib.least_squares.processors import as_finished
+from acx4lib.model import Model
 from acx4sim.plan import SlowErrors
 from benchmarks import harness
 from support.flights import simulated
@@ -106,7 +107,7 @@ def flown(pool: Executor, study: Callable[[int], Tables], n: int) -> list[Tables
 def mountings(seed: int) -> Tables:
     """Return the errors of one flight: of the mounting's parameters, and at validation points."""
     flown = simulated.fly(DESIGN, seed=seed).flight
-    found = mounting.calibrate(flown.calibration, free=flown.estimate_mounting)
+    found = mounting.calibrate(flown.calibration, Model(free=flown.estimate_mounting))
     if found.failures:
         msg = f"seed {seed}: {found.failures}"
         raise RuntimeError(msg)
@@ -181,7 +182,7 @@ def slowly(seed: int) -> Tables:
     blocks = {"white": flown.block, "correlated": weights.modelled(flown.block, SlowErrors())}
     rows: list[Row] = []
     for kind, block in blocks.items():
-        bundle = adjust(mounted_orientation(block, free=flown.flight.estimate_mounting))
+        bundle = adjust(mounted_orientation(block, Model(free=flown.flight.estimate_mounting)))
         found = simulated.of_calibration(estimates.from_bundle(bundle))
         error = found.values - simulated.true_mounting(DESIGN)  # noqa: PD011 no table
         named = {"seed": seed, "weights": kind}
@@ -248,7 +249,7 @@ def single_step(flown: Flight, *, distortion_at: str) -> estimates.Calibration:
     bundle = adjust_rejecting(
         flown.calibration,
         lambda b: replace(
-            mounted_orientation(b, free=flown.estimate_mounting), distortion_at=distortion_at
+            mounted_orientation(b, Model(free=flown.estimate_mounting)), distortion_at=distortion_at
         ),
     )
     return estimates.from_bundle(bundle)

@@ -24,6 +24,7 @@ from acx4files.stages.synthetic import refine
 from acx4lib.block import Block
 from acx4lib.calibration import mounting
 from acx4lib.calibration.heads import RelativeOrientation, calibrate_heads, relative_orientation
+from acx4lib.model import Model
 from acx4lib.synthetic_image.transferred_points import synthetic_block, transfer
 from acx4sim import optics
 from acx4sim.optics import Camera
@@ -45,7 +46,7 @@ class Chain:
 
 def calibrated_heads(flight: Flight) -> RelativeOrientation:
     """Return the relative orientation of a flight's heads."""
-    heads = calibrate_heads(flight.heads, HEADS, free=flight.estimate_heads)
+    heads = calibrate_heads(flight.heads, HEADS, Model(free=flight.estimate_heads))
     return relative_orientation(heads, flight.cameras["SYN"])
 
 
@@ -58,12 +59,12 @@ def chain(flight: Flight) -> Chain:
 
 def single_step(flight: Flight, heads: RelativeOrientation) -> mounting.Mounting:
     """Carry the calibration block through the heads, and adjust it."""
-    return mounting.single_step(transferred(flight, heads), free=flight.estimate_mounting)
+    return mounting.single_step(transferred(flight, heads), Model(free=flight.estimate_mounting))
 
 
 def mountings(flight: Flight, heads: RelativeOrientation) -> mounting.Mountings:
     """Do what `single_step` does by all methods."""
-    return mounting.calibrate(transferred(flight, heads), free=flight.estimate_mounting)
+    return mounting.calibrate(transferred(flight, heads), Model(free=flight.estimate_mounting))
 
 
 def transferred(flight: Flight, heads: RelativeOrientation) -> Block:

@@ -27,6 +27,16 @@ def test_imports_say_what_is_stored(names):
     ] == expected
 
 
+# --- orders of the images --------------------------------------------------------------------
+
+
+def test_no_order_of_the_images_and_no_course_takes_a_tenth_longer_than_the_design():
+    known = pd.read_csv(harness.OUT / "orders.csv")
+    assert len(known) == 20
+    assert set(known["band"]) == {known["band"][0]}
+    assert known["ratio"].max() < 1.1
+
+
 # --- errors over their sigma -----------------------------------------------------------------
 
 

@@ -19,6 +19,7 @@ from acx4lib.design import flying_heights
 from acx4lib.errors import FlightError
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.least_squares.covariance import sigmas
+from acx4lib.model import Model
 from acx4sim.designs import single_head_plan
 from acx4sim.files import simulate_plan
 from support.changed_notebook import changed
@@ -36,7 +37,7 @@ def flown(seed, *, f_um=0.0, free=()):
     longer = {"CAM": replace(camera, f_mm=camera.f_mm + f_um / 1000)}
     options = acx4sim.Options(blocks=("calibration",), tie_points=TIES)
     flight = read_back(simulate_plan(replace(plan, cameras=longer), seed, options)).flight
-    return single_step(flight.calibration, free=free or flight.estimate_mounting)
+    return single_step(flight.calibration, Model(free=free or flight.estimate_mounting))
 
 
 def of_mounting(mounting, name):
@@ -197,7 +198,9 @@ def made(tmp_path_factory):
 
 def test_what_is_read_is_what_was_adjusted(made):
     found, flown = campaigns.read(made[1]), flight.read(made[0])
-    again = of_mounting(single_step(flown.calibration, free=flown.estimate_mounting), "results")
+    again = of_mounting(
+        single_step(flown.calibration, Model(free=flown.estimate_mounting)), "results"
+    )
     assert (found.name, found.method, found.redundancy) == (
         "results",
         "single_step",

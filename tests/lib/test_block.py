@@ -12,6 +12,7 @@ from acx4lib.block import select_images, synthetic_images
 from acx4lib.calibration.mounting import single_step
 from acx4lib.design import forward_overlaps, ground_sample_m
 from acx4lib.geometry.frames import Pose, rotation_from_opk
+from acx4lib.model import Model
 from support import blocks
 from support.flights import in_heads, written
 
@@ -158,7 +159,7 @@ INFINITE = replace(BLOCK.control, x_m=np.full_like(BLOCK.control.x_m, np.inf))
         (lambda: replace(POINTS, sigma_px=-POINTS.sigma_px), "sigma_px: expected positive numbers"),
         (lambda: replace(POINTS, colrow=POINTS.colrow.T), r"colrow: expected shape \(\d+, 2\)"),
         (
-            lambda: single_step(replace(BLOCK, control=INFINITE), free=("f",)),
+            lambda: single_step(replace(BLOCK, control=INFINITE), Model(free=("f",))),
             "control.x_m: expected finite numbers",
         ),
         (lambda: replace(TRAJECTORY, time_s=np.arange(11.0)), r"time_s: expected shape \(12,\)"),

@@ -21,6 +21,7 @@ from acx4lib.calibration.mounting import single_step, two_step, two_step_gnss, w
 from acx4lib.errors import AdjustmentError
 from acx4lib.georeferencing.direct import Rays, intersect_rays
 from acx4lib.georeferencing.validation import validate
+from acx4lib.model import Model
 from acx4lib.synthetic_image.transferred_points import transfer
 from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.ties import overlaps, refine_by_mean_differences, shared_points
@@ -46,7 +47,7 @@ def alone(tmp_path_factory):
 @pytest.fixture(scope="module")
 def open_heads(flown):
     """Return the outcome of every open call on heads and their tie points."""
-    fits = calibrate_heads(flown.heads, flown.head_names, free=flown.estimate_heads)
+    fits = calibrate_heads(flown.heads, flown.head_names, Model(free=flown.estimate_heads))
     oriented = relative_orientation(fits, flown.synthetic_camera)
     ties = shared_points(flown.heads, oriented)
     turned = refine_by_rotations(oriented, ties)
@@ -62,7 +63,7 @@ def open_heads(flown):
 def open_mounting(alone):
     """Return the outcome of every open call on one camera's block."""
     block, free = alone.calibration, alone.estimate_mounting
-    single = single_step(block, free=free, gnss=("shift",))
+    single = single_step(block, Model(free=free, gnss=("shift",)))
     solution = single.bundle.solution
     checked = validate(alone.validation, single.calibration, method="single_step")
     found = checked.georeferenced
@@ -76,16 +77,16 @@ def open_mounting(alone):
     return [
         *(alone, block, block.cameras[0], block.cameras[0].interior, block.T_m_b_images),
         *(block.cameras[0].T_b_c, block.images, block.image_points, block.control),
-        *(block.trajectory, mounted_orientation(block, free=free), single, single.bundle),
+        *(block.trajectory, mounted_orientation(block, Model(free=free)), single, single.bundle),
         *(single.calibration, single.bundle.state, single.bundle.network.layout, solution),
         reliability(solution.group("image_point")),
-        two_step(block, free=free, after=single),
-        two_step_gnss(block, free=free, after=single),
-        weighted(block, weights="estimated", free=free)[0],
+        two_step(block, Model(free=free), after=single),
+        two_step_gnss(block, Model(free=free), after=single),
+        weighted(block, Model(free=free), weights="estimated")[0],
         components(single.bundle),
-        attempt(two_step, replace(block, control=block.control[:1]), free=free),
+        attempt(two_step, replace(block, control=block.control[:1]), Model(free=free)),
         acx.calibrate(alone),
-        acx.calibrate(alone).mountings,
+        acx.calibrate(alone),
         given(block.cameras),
         *(checked, checked.pairs, found, rays, intersect_rays(alone.validation, found, rays)),
     ]
@@ -107,7 +108,7 @@ def test_values_show_themselves_in_a_line_or_two(open_heads, open_mounting):
 
 
 def test_a_table_has_every_parameter_with_its_unit_and_sigma(alone):
-    found = single_step(alone.calibration, free=FREE)
+    found = single_step(alone.calibration, Model(free=FREE))
     table = found.table()
     assert table.index.names == ["parameter", "unit"]
     assert table.columns.tolist() == ["value", "sigma"]
@@ -125,14 +126,14 @@ def test_a_table_has_every_parameter_with_its_unit_and_sigma(alone):
 def test_what_is_left_open_has_an_infinite_sigma(noisy_block):
     trajectory = noisy_block.trajectory
     never = replace(trajectory, sigma_position=np.full((len(trajectory), 3), np.inf))
-    network = mounted_orientation(replace(noisy_block, trajectory=never), free=("xp", "yp"))
+    network = mounted_orientation(replace(noisy_block, trajectory=never), Model(free=("xp", "yp")))
     found = from_bundle(adjust(network)).table()
     open_ones = found.index[np.isinf(found["sigma"])].get_level_values("parameter")
     assert open_ones.tolist() == ["lever x", "lever y", "lever z"]
 
 
 def test_a_validation_has_mean_scatter_and_rms_of_pairs_and_points(alone):
-    fit = single_step(alone.calibration, free=alone.estimate_mounting)
+    fit = single_step(alone.calibration, Model(free=alone.estimate_mounting))
     found = validate(alone.validation, fit.calibration, method="single_step")
     table = found.table()
     assert table.index.names == ["of", "coordinate", "unit"]

@@ -78,7 +78,6 @@ def environment(folder, *installed, present=""):
 def run(folder, command, *arguments, **changed):
     kept = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     kept.pop("ACX4_REFERENCE_DATA", None)
-    kept["NUMBA_CACHE_DIR"] = str(ROOT / "src" / "acx4lib" / "__pycache__")  # of the same sources
     return subprocess.run(
         [folder / "env" / "bin" / command, *arguments],
         cwd=folder,
@@ -177,7 +176,7 @@ def distributions(modules):
     [
         ("acx4sim", ("command",)),
         ("acx4lib", ("images", "cluster")),
-        ("acx4files", ("images", "cluster")),
+        ("acx4files", ("images", "cluster", "opf")),
         ("acx4book", ("book", "pdf", "reference")),
     ],
 )
@@ -250,7 +249,7 @@ def test_the_wheel_runs_a_flight_and_reports_on_it(whole):
 SMALL = """
 import acx4 as acx
 flight = acx.read("library")
-calibration = acx.calibrate(flight).single_step.calibration
+calibration = acx.calibrate(flight)["single_step"].calibration
 poses = acx.georeference(flight.validation, calibration).T_m_c
 print(calibration.cameras[0].interior.f, len(poses.r))
 try:

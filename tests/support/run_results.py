@@ -11,9 +11,9 @@ import acx4sim
 from acx4book.report.findings import findings
 from acx4book.report.material import Material, read
 from acx4files import flight
-from acx4files.results import adjustments, provenance, read_back
 from acx4files.results import folder as results
-from acx4files.results.rows import calibration_tables, orientation_tables
+from acx4files.results import provenance, read_back
+from acx4files.results.tables import calibration_tables, orientation_tables, record
 from acx4files.stages import diagnosed
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration import mounting
@@ -21,6 +21,7 @@ from acx4lib.calibration.estimates import Calibration
 from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.georeferencing import validation
+from acx4lib.model import Model
 from support.flights import written
 
 SINGLE = "mounting/single_step"
@@ -43,14 +44,14 @@ def leave_results(folder, *, seed=2):
     at, kept = Path(folder) / "flight", Path(folder) / "results"
     acx4sim.write(acx4sim.DESIGNS["single-head"](seed=seed), at)
     flown = flight.read(at)
-    found = mounting.calibrate(flown.calibration, free=flown.estimate_mounting)
-    adjustments.write(kept, "mounting", diagnosed.of_mountings(found), flight=flown)
+    found = mounting.calibrate(flown.calibration, Model(free=flown.estimate_mounting))
+    provenance.write(kept, "mounting", diagnosed.of_mountings(found), flight=flown)
     calibrations = read_back.calibrations_for(flown, results.read(kept), flown.validation.cameras)
     validated = [
         validation.validate(flown.validation, one, method=method)
         for method, one in calibrations.items()
     ]
-    adjustments.write(kept, "validation", diagnosed.of_validations(validated), flight=flown)
+    provenance.write(kept, "validation", diagnosed.of_validations(validated), flight=flown)
     return at, kept
 
 
@@ -100,18 +101,17 @@ def leave_calibration(folder, calibration, *, method="single_step", related=None
     blocks = ("heads", "calibration") if len(calibration.cameras) > 1 else ("calibration",)
     flown = flight.read(written.write_flight(Path(folder) / "flight", blocks=blocks))
     if related is None:
-        made = {f"mounting/{method}": calibration_tables("mounting", method, calibration)}
+        made = {f"mounting/{method}": calibration_tables(calibration)}
     else:
         made = {
-            "heads/bundle": calibration_tables("heads", "bundle", calibration),
-            "heads/relative_orientation": orientation_tables(
-                "heads", "relative_orientation", related
-            ),
+            "heads/bundle": calibration_tables(calibration),
+            "heads/relative_orientation": orientation_tables(related),
         }
     provenance.begin(kept, flown, [])
     for name, tables in made.items():
         entry = {name: ADJUSTED if name.startswith("mounting/") else {"converged": True}}
-        results.replace(kept, [name], tables=tables, summary=entry)
+        made = record(name, tables, {})
+        results.replace(kept, [name], tables=made.tables, summary=entry)
     return kept
 
 

@@ -21,6 +21,7 @@ from acx4lib.calibration import mounting
 from acx4lib.calibration.estimates import METHODS
 from acx4lib.calibration.heads import calibrate_heads, relative_orientation
 from acx4lib.georeferencing import accuracy, validation
+from acx4lib.model import Model
 from acx4lib.tie_points.ties import refine_by_mean_differences, shared_points
 from support.flights import simulated as flown
 from support.flights.simulated import HEADS, MOUNTING_NAMES, SEEDS
@@ -185,7 +186,7 @@ def spoilt(seed):
 def test_gross_errors_are_found_and_do_no_harm(seed):
     found, planted = spoilt(seed)
     block = found.flight.calibration
-    methods = mounting.calibrate(block, free=found.flight.estimate_mounting)
+    methods = mounting.calibrate(block, Model(free=found.flight.estimate_mounting))
     rejected = flown.named(block, methods["single_step"].bundle.rejected)
     assert planted <= rejected
     assert len(rejected - planted) <= 6  # 1.5 are expected at 0.01 % of 15 000 components
@@ -216,7 +217,7 @@ def test_gross_errors_of_one_ordinary_camera_are_found_and_do_no_harm(seed):
         ("attitude", trajectory["exposure"][25], ""),
     }
     found = flown.read_back(replace(simulated, tables=tables)).flight
-    methods = mounting.calibrate(found.calibration, free=found.estimate_mounting)
+    methods = mounting.calibrate(found.calibration, Model(free=found.estimate_mounting))
     rejected = flown.named(found.calibration, methods["single_step"].bundle.rejected)
     assert planted <= rejected
     assert len(rejected - planted) <= 4  # 0.8 are expected at 0.01 % of 8 000 components
@@ -235,7 +236,7 @@ def test_gross_errors_of_the_heads_are_found_and_do_no_harm():
     )
     tables["control_points.csv"].loc[27, "height_m"] += 1.0  # P28, 10 rays and more
     found = flown.read_back(replace(simulated, tables=tables)).flight
-    heads = calibrate_heads(found.heads, HEADS, free=found.estimate_heads)
+    heads = calibrate_heads(found.heads, HEADS, Model(free=found.estimate_heads))
     rejected = set()
     for head, bundle in heads.bundles.items():
         names = flown.named(bundle.network.block, bundle.rejected)
@@ -250,7 +251,7 @@ def test_gross_errors_of_the_heads_are_found_and_do_no_harm():
 
 def test_a_measurement_taken_out_of_a_head_is_no_tie_point():
     found = flown.fly("acx4", seed=1, blocks=("heads",)).flight
-    heads = calibrate_heads(found.heads, HEADS[:2], free=found.estimate_heads)
+    heads = calibrate_heads(found.heads, HEADS[:2], Model(free=found.estimate_heads))
     oriented = relative_orientation(heads, found.cameras["SYN"])
     ties = shared_points(found.heads, oriented)
     points = found.heads.image_points

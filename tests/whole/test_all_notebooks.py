@@ -20,9 +20,8 @@ from acx4files.flight import reader
 from acx4files.flight.settings import FLIGHT
 from acx4files.flight.toml_file import NAME, rows
 from acx4files.results import folder, provenance
-from acx4files.results.folder import STAGES
+from acx4files.results.folder import NOTEBOOKS, STAGES
 from acx4files.results.provenance import KEPT
-from acx4files.results.table_files import NOTEBOOKS
 from support.flights import in_heads, planned
 from support.helpers import ROOT, repeats
 

@@ -15,6 +15,7 @@ from acx4lib.bundle import adjust
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.calibration import mounting
 from acx4lib.calibration.heads import calibrate_heads
+from acx4lib.model import Model
 from acx4sim.plan import GrossErrors
 from support.flights.simulated import (
     CAMERA,
@@ -89,7 +90,7 @@ def outcome(flown, bundle):
 def calibrated(design, *, seed, n_ties=None):
     """Calibrate a spoilt flight in one step; return the outcome, the estimates and the truth."""
     flown = spoil(design, seed=seed, n_ties=n_ties)
-    fit = mounting.single_step(flown.flight.calibration, free=flown.flight.estimate_mounting)
+    fit = mounting.single_step(flown.flight.calibration, Model(free=flown.flight.estimate_mounting))
     camera = flown.truth["cameras"][CAMERA[design]]
     estimates = of_calibration(fit.calibration)
     errors = estimates.values - [camera[name] for name in MOUNTING_NAMES]
@@ -147,7 +148,7 @@ def test_with_ten_times_as_many_tie_points_only_what_cannot_be_told_apart_is_mis
 def test_heads_one_by_one_are_cleaned():
     """Control of 1 m off is found where the head alone can see it; 2 rays hide which is wrong."""
     flown = spoil("acx4", seed=2, block="heads")
-    fits = calibrate_heads(flown.flight.heads, HEADS, free=flown.flight.estimate_heads)
+    fits = calibrate_heads(flown.flight.heads, HEADS, Model(free=flown.flight.estimate_heads))
     assert not fits.failures
     heads = [outcome(flown, fit) for fit in fits.bundles.values()]
     for found in heads:
@@ -171,7 +172,7 @@ def test_a_head_with_errors_that_let_no_adjustment_converge_is_still_cleaned(hea
     spoilt = replace(block, image_points=replace(points, colrow=colrow))
 
     def network(b):
-        return adjust.free_orientation(b, free=("xp", "yp", "k1", "p1", "p2"))
+        return adjust.free_orientation(b, Model(free=("xp", "yp", "k1", "p1", "p2")))
 
     found = adjust_rejecting(spoilt, network)
     rejected = {r.row for r in found.rejected if r.kind == "image_point"}

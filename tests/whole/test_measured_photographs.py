@@ -19,6 +19,7 @@ from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.bundle import adjust
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.geometry.frames import Pose, rotation_from_opk
+from acx4lib.model import Model
 from support.helpers import needs
 
 PHOTOGRAPHS = (1, 2, 3)
@@ -142,7 +143,7 @@ def test_tie_points_of_real_photographs_give_the_published_orientation(tmp_path,
     assert tie.sum() > 200
     given = np.array([pair in published for pair in rows[["image", "point"]].to_numpy().tolist()])
     block = network(project, rows[tie | given])
-    found = adjust_rejecting(block, lambda block: adjust.free_orientation(block, free=()))
+    found = adjust_rejecting(block, lambda block: adjust.free_orientation(block, Model()))
     assert len(found.rejected) < 0.05 * len(block.image_points)
     values, cov = dbat_statements.exterior(replace(project, bundle=found))
     wanted, cov_wanted = (part[list(PHOTOGRAPHS)] for part in dbat_statements.exterior(project))

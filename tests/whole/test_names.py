@@ -18,6 +18,7 @@ from acx4files.results import folder as results
 from acx4files.results import read_back
 from acx4files.stages import diagnosed
 from acx4lib.calibration import mounting
+from acx4lib.model import Model
 from support import blocks
 from support.helpers import repeats
 from support.run_results import put, state
@@ -61,7 +62,7 @@ def test_the_two_are_rejected_and_the_finding_does_not_hold(good, tmp_path, name
 # --- cameras and strips are called anything, though results name things ``camera/parameter`` ---
 
 
-SETTINGS = {"free": ("f", "xp", "yp", "k1"), "gnss": ("drift",)}
+MODEL = Model(free=("f", "xp", "yp", "k1"), gnss=("drift",))
 CAMERAS = ("PhaseOne 150MP/50mm", "heads/bundle", "gnss_drift_a/b")
 STRIPS = {"A": "a/b", "B": "gnss_shift_east_m", "C": "k1/f_mm", "D": "_east_m_per_min"}
 
@@ -76,7 +77,7 @@ def made(request, noisy_block):
         cameras=(replace(block.cameras[0], name=request.param),),
         images=replace(block.images, strips=strips),
     )
-    return block, mounting.single_step(block, **SETTINGS)
+    return block, mounting.single_step(block, MODEL)
 
 
 def test_a_calibration_comes_back_from_its_files(made, tmp_path):

@@ -15,6 +15,7 @@ from acx4files.stages import mounting, order
 from acx4lib.calibration.mounting import single_step
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.geometry.frames import opk_from_rotation
+from acx4lib.model import Model
 from support import blocks
 from support.flights.written import write_flight
 
@@ -91,9 +92,9 @@ def block():
 def test_a_trajectory_with_sigma_calibrates_as_it_does_in_arrays(block):
     """The coordinates are the mapping frame's own: nothing is turned, shifted or scaled."""
     flight = flown(block, sigma=("positions", "attitudes"), control=True)
-    fit = mounting.calibrate(flight).single_step
+    fit = mounting.calibrate(flight)["single_step"]
     assert flight.fix == ()
-    same = single_step(flight.calibration, free=FREE)
+    same = single_step(flight.calibration, Model(free=FREE))
     truth = blocks.CAMERA
     assert fit.calibration.cameras[0].interior.f == same.calibration.cameras[0].interior.f
     assert_allclose(fit.calibration.cameras[0].interior.f, truth.interior.f, atol=0.02)
@@ -106,7 +107,7 @@ def test_control_alone_calibrates(block):
     flight = flown(block, control=True)
     assert set(flight.fix) == {"lever_arm", "boresight"}
     assert not any("leave open" in note for note in flight.notes)
-    fit = mounting.calibrate(flight).single_step
+    fit = mounting.calibrate(flight)["single_step"]
     found, truth = fit.calibration.cameras[0].interior, blocks.CAMERA.interior
     sigma = np.sqrt(np.diag(fit.calibration.cov)[:3])
     assert np.all(np.abs(found.to_array() - truth.to_array())[:3] < 4 * sigma)
@@ -147,7 +148,7 @@ def test_positions_alone_hold_the_boresight(block):
     """The camera's own axes are the body's: no attitude tells them apart."""
     flight = flown(block, sigma=("positions",))
     assert set(flight.fix) == {"lever_arm", "boresight"}
-    fit = mounting.calibrate(flight).single_step
+    fit = mounting.calibrate(flight)["single_step"]
     assert fit.bundle.solution.group("gnss").redundancy.sum() > 0.5
     assert not any("leave open" in note for note in flight.notes)
 

@@ -10,12 +10,11 @@ import pytest
 import acx4sim
 from acx4book.command import acx4
 from acx4book.notebooks import runner
-from acx4book.notebooks.execute import execute
 from acx4book.report import material
 from acx4book.report.findings import findings
 from acx4files.flight import reader
 from acx4files.results import folder, provenance
-from acx4files.stages import mounting, validation
+from acx4files.stages import validation
 from acx4lib.errors import FlightError
 from support.flights import written
 from support.run_results import stamp
@@ -79,26 +78,6 @@ def test_a_run_of_all_stages_replaces_the_results_of_a_flight_that_was_changed(f
     assert folder.entries(results)["mounting/single_step"]["flight"]["sha256"] == digest(changed)
 
 
-def test_a_stage_by_itself_refuses_the_results_of_another_flight(flown, tmp_path):
-    mounting.run(reader.read(flown / "A"), tmp_path / "by_hand")
-    with pytest.raises(FlightError, match=r"of another flight .* or choose another folder"):
-        validation.run(reader.read(flown / "B"), tmp_path / "by_hand")
-    assert not [name for name in folder.entries(tmp_path / "by_hand") if "validation" in name]
-
-
-@pytest.mark.slow
-def test_a_notebook_given_the_results_of_another_flight_says_so_in_its_last_line(flown, tmp_path):
-    with pytest.raises(FlightError, match=r"of another flight .* or choose another folder"):
-        execute(
-            runner.NOTEBOOKS_PATH / "04-validation.ipynb",
-            tmp_path / "out" / "04.ipynb",
-            parameters={
-                "flight_path": str(flown / "B"),
-                "results_path": str(copied(flown, tmp_path, "results_A")),
-            },
-        )
-
-
 def test_the_calibration_of_an_earlier_flight_is_validated_by_name(flown, tmp_path, capsys):
     results = tmp_path / "results"
     status = command(
@@ -153,9 +132,9 @@ def test_sigma_of_the_earlier_parameters_enters_the_differences(flown, tmp_path)
     parameters.assign(sigma=tenfold).to_csv(results / "parameters.csv", index=False)
     stamp(results)
     after = validation.run(reader.read(flown / "B"), tmp_path / "two", results)
-    for old, new in zip(before.validations, after.validations, strict=True):
-        assert np.all(new.points.sigma > old.points.sigma)
-    assert np.median(after.validations[-1].points.sigma[:, 2]) > 0.2
+    for method, old in before.items():
+        assert np.all(after[method].points.sigma > old.points.sigma)
+    assert np.median(after["single_step"].points.sigma[:, 2]) > 0.2
 
 
 def test_other_cameras_are_named_a_line_each(flown, tmp_path):

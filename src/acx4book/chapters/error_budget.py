@@ -344,7 +344,7 @@ def sources(
     georeferenced = direct.georeference(block, calibration)
     rays = validation.rays_of_pairs(block, pairs)
     rays = replace(rays, sigma_px=np.full(len(rays.group), assumed.sigma_px))
-    differences = validation.differences_at(block, georeferenced, rays, pairs.point_idx, "none")
+    differences = validation.differences_at(block, georeferenced, rays, pairs.point_idx)
     return differences.sources, georeferenced.layout
 
 

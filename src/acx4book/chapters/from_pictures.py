@@ -25,6 +25,7 @@ from acx4lib.block import Block
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.mounting import Mounting, single_step
 from acx4lib.expected import Array, Index, Mask
+from acx4lib.model import Model
 from acx4sim import files
 from acx4sim.designs import single_head
 from acx4sim.files import SimulatedFlight, photograph
@@ -109,7 +110,7 @@ def measured(seed: int) -> tuple[Whole, Mounting]:
     flight = read(f"{folder.name}/measured")
     block = flight.block("calibration")
     whole = Whole(simulated=simulated, outcome=outcome, block=block, folder=folder)
-    return whole, single_step(block, free=flight.estimate_mounting)
+    return whole, single_step(block, Model(free=flight.estimate_mounting))
 
 
 # --- Measurements in pictures against the simulator's exact geometry

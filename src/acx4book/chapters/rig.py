@@ -18,7 +18,7 @@ from acx4book.typesetting import matrix, style
 from acx4book.typesetting.myst import LABELS
 from acx4book.typesetting.plain_text import Markup
 from acx4files.flight.reader import Flight
-from acx4files.results.table_files import RELATIVE
+from acx4files.results.folder import RELATIVE
 from acx4lib.attempts import Failed, attempt
 from acx4lib.calibration import rig
 from acx4lib.calibration.heads import RelativeOrientation, varied

@@ -460,8 +460,7 @@ def classes(
     columns: dict[str, dict[str, str]] = {}
     for title, size in sizes.items():
         validation = validations[title]
-        survey = validation.block.check.sigma_m[validation.points.point_idx]
-        sigma = accuracy.triple(np.sqrt(np.mean(survey**2, axis=0)))
+        sigma = validation.survey_sigma
         cells: dict[str, str] = {}
         for scale in scales:
             reached = accuracy.pec_pcd(size, scale)

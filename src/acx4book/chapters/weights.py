@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -28,6 +28,7 @@ from acx4lib.geometry.parameters import SHOWN
 from acx4lib.georeferencing import accuracy, error_sources
 from acx4lib.georeferencing.validation import Differences, compare
 from acx4lib.least_squares.covariance import GaussMarkov
+from acx4lib.model import Model
 from acx4sim.plan import Options, SlowErrors
 
 # --- Effects of the trajectory's errors on the calibrations of many simulated flights
@@ -53,11 +54,16 @@ MODELLED = "modelled"
 DESIGN = "acx4-ideal"
 
 
-def _adjusted(flown: Flown, block: Block | None = None, **how: object) -> Mounting:
+def _adjusted(
+    flown: Flown,
+    block: Block | None = None,
+    *,
+    fix: Sequence[str] = (),
+    gnss: Sequence[str] = (),
+) -> Mounting:
     """Return the single step of a simulated flight, without a search for gross errors."""
-    arguments: dict[str, object] = {"free": flown.flight.estimate_mounting, "snooping": False}
-    call: Callable[..., Mounting] = single_step
-    return call(flown.block if block is None else block, **(arguments | how))
+    model = Model(free=flown.flight.estimate_mounting, fix=fix, gnss=gnss)
+    return single_step(flown.block if block is None else block, model, snooping=False)
 
 
 def errors(flown: Flown, mounting: Mounting) -> pd.DataFrame:

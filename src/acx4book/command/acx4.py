@@ -140,7 +140,7 @@ def check(flight: terminal.Flight) -> None:
     flown = read(flight)
     files = [path for paths in flown.image_files.values() for path in paths if path is not None]
     if files:
-        from acx4files.images.image_files import is_cut_off  # noqa: PLC0415 slow to import
+        from acx4files.images.head_images import is_cut_off  # noqa: PLC0415 slow to import
 
         files = [path for path in files if is_cut_off(path)]
     if files:

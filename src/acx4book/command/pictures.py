@@ -94,17 +94,13 @@ def render(
 ) -> None:
     """Render the synthetic images of a flight."""
     from acx4files.flight.reader import read  # noqa: PLC0415 quick help
-    from acx4files.images.exposure import RenderOptions  # noqa: PLC0415 quick help
     from acx4files.images.flight_images import render_flight  # noqa: PLC0415 quick help
 
-    options = RenderOptions(blend=blend, equalise="none" if blend == "stack" else "flight")
     named = None if exposures is None else [n.strip() for n in exposures.split(",") if n.strip()]
     if named == []:
         terminal.refuse("--exposures: name at least one exposure")
     with terminal.counting_bar("images") as tell:
-        report = render_flight(
-            read(flight), results, out, exposures=named, options=options, tell=tell
-        )
+        report = render_flight(read(flight), results, out, exposures=named, blend=blend, tell=tell)
     terminal.say_if_not_kept()
     for line in report.notes:
         terminal.show(line)

@@ -79,7 +79,7 @@ def _write(design: Design, source: str, out: Path) -> None:
     from acx4book.planning import tables  # noqa: PLC0415 quick help
     from acx4book.typesetting.maps import block_maps  # noqa: PLC0415 quick help
     from acx4book.typesetting.svg import vector  # noqa: PLC0415 quick help
-    from acx4files.results import own_folder, whole_files  # noqa: PLC0415 quick help
+    from acx4files.results import whole_files  # noqa: PLC0415 quick help
 
     design_tables = (
         tables.parameter_table(design),
@@ -92,7 +92,7 @@ def _write(design: Design, source: str, out: Path) -> None:
     drawing = vector(block_maps(*design.blocks.values()))
     content["plan.svg"] = drawing.replace("<svg ", '<svg style="background: #fff" ', 1) + "\n"
     content["plan.toml"] = source
-    with own_folder.claim(out, signs=["plan.svg"]):
+    with whole_files.claim(out, signs=["plan.svg"]):
         whole_files.write_all({out / name: written for name, written in content.items()})
     terminal.show(f"\n{out}: {', '.join(content)}")
 
@@ -148,7 +148,7 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
     ] = 1,
 ) -> None:
     """Write a simulated flight, or the plan of one."""
-    from acx4files.results import own_folder  # noqa: PLC0415 quick help
+    from acx4files.results import whole_files  # noqa: PLC0415 quick help
     from acx4lib.least_squares import processors  # noqa: PLC0415 quick help
     from acx4sim.files import (  # noqa: PLC0415 quick help
         TRUTH_MARK,
@@ -164,9 +164,9 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
         _write_plan(name, plan)
         return
     assert out is not None
-    own_folder.check_new(out)
+    whole_files.check_new(out)
     truth = truth_path(out)
-    own_folder.check_file(truth, mark=TRUTH_MARK, what="the truth of a simulated flight")
+    whole_files.check_file(truth, mark=TRUTH_MARK, what="the truth of a simulated flight")
     options = Options(
         slow_errors=SlowErrors() if slow_errors else None,
         gross_errors=GrossErrors() if gross_errors else None,
@@ -183,7 +183,7 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
     processors.keep_memory()
     with (
         terminal.stage_bars("rows") as tell,
-        own_folder.placed(out) as draft,
+        whole_files.placed(out) as draft,
     ):
         write(flight, draft, tell=tell)
     terminal.show(f"{out}; its truth in {truth}")
@@ -202,14 +202,14 @@ def _flown(name: str, seed: int, options: Options) -> SimulatedFlight:
 def _write_plan(name: str, path: Path) -> None:
     from acx4book.notebooks import simulated  # noqa: PLC0415 quick help
     from acx4book.planning import plan as plans  # noqa: PLC0415 quick help
-    from acx4files.results import own_folder, whole_files  # noqa: PLC0415 quick help
+    from acx4files.results import whole_files  # noqa: PLC0415 quick help
     from acx4sim.designs import PLANS  # noqa: PLC0415 quick help
 
     if name not in PLANS:
         terminal.refuse(f"--plan is of a design: {', '.join(PLANS)}; got {name!r}")
     if path.exists():
         terminal.refuse(f"{path}: is there already; choose another name")
-    own_folder.check_file(path, mark=b"", what="a plan")
+    whole_files.check_file(path, mark=b"", what="a plan")
     whole_files.write(path, plans.written(simulated.values(PLANS[name]())))
     terminal.show(path)
 

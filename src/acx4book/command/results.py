@@ -77,7 +77,7 @@ KIND, cameras:
   opencv           YAML for cv::FileStorage, a file for each camera; rigs with R and T
   micasense        XMP tags of the heads, among them RigRelatives, and these with sigma
 KIND, cameras, and with --orientations BLOCK its images:
-  metashape        calibrations; cameras.xml with sensors, covariances, slaves of a rig
+  metashape        calibrations; cameras.xml with sensors, slaves of a rig
   colmap           cameras.txt, rigs.txt; a whole model as text
 KIND, images of --orientations BLOCK:
   opk              east, north, height, omega, phi, kappa in the flight's grid, with sigma
@@ -102,9 +102,7 @@ def export(
     out: Annotated[Path, terminal.option("FOLDER", "Folder for the files.")],
     method: Annotated[
         str,
-        terminal.option(
-            "NAME", "single_step, rig, refined, ...: which calibration; else the best."
-        ),
+        terminal.option("NAME", "single_step, rig, ...: which calibration; else the best."),
     ] = "",
     orientations: Annotated[
         str,

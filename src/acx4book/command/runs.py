@@ -26,8 +26,8 @@ from acx4book.notebooks import runner
 from acx4files.flight import reader
 from acx4files.flight.reader import Flight
 from acx4files.flight.tables import name_fault
-from acx4files.results import earlier, folder, own_folder, provenance, whole_files
-from acx4files.results.table_files import NOTEBOOKS, PART_OF
+from acx4files.results import folder, provenance, read_back, whole_files
+from acx4files.results.folder import NOTEBOOKS, PART_OF
 from acx4files.stages import order
 from acx4lib.errors import Acx4Error, FlightError, OutputError, visible
 from acx4lib.geometry.parameters import AXES, REPORTED
@@ -186,7 +186,7 @@ def is_whole(flight: Flight, results: Path, settings: Settings) -> bool:
         if not folder.is_whole(results):
             return False
         record, given = provenance.read_run(results).provenance, settings.calibration
-        calibration = earlier.read(given, flight).origin if given else None
+        calibration = read_back.read_earlier(given, flight).origin if given else None
     except Acx4Error:  # a run reports or mends the error
         return False
     wanted: dict[str, object] = {"flight": record.digest, "versions": provenance.versions()}
@@ -237,7 +237,7 @@ def _simulate(job: Job) -> None:
     plan = Path(job.design).read_text("utf-8-sig") if simulated.is_plan(job.design) else ""
     beside = f"{job.flight.name}.plan.toml"
     if not job.flight.exists():
-        with own_folder.placed(job.flight) as draft:
+        with whole_files.placed(job.flight) as draft:
             write(simulated.fly(job.design, seed=job.seed), draft)
             if plan:
                 whole_files.write(draft.with_name(beside), plan)
@@ -281,11 +281,10 @@ def run_all(
     `tell` gets a name with 0 and 1 while it waits, 1 and 1 when it is done, 0 and 0 when it failed.
     OutputError: the folder must not be used.
     """
-    away_from = [job.flight for job in jobs if not job.design]
     found: dict[str, Outcome] = {}
     for job in jobs:
         tell(job.name, 0, 1)
-    with own_folder.claim(folder, signs=[TABLE], away_from=away_from):
+    with whole_files.claim(folder, signs=[TABLE]):
         whole_files.write(folder / TABLE, _table({}))  # by which the folder is known, if this ends
         try:
             for job, call in as_finished(pool, _run, jobs):

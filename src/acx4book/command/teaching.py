@@ -57,7 +57,7 @@ def lab(
     from acx4book.teaching import flights, handed_in  # noqa: PLC0415 quick help
     from acx4book.teaching import quiz as question_banks  # noqa: PLC0415 quick help
     from acx4book.teaching.sheets.every import sheet_of  # noqa: PLC0415 quick help
-    from acx4files.results import own_folder  # noqa: PLC0415 quick help
+    from acx4files.results import whole_files  # noqa: PLC0415 quick help
 
     try:
         chosen = sheet_of(sheet)
@@ -66,8 +66,8 @@ def lab(
     except ValueError as error:
         terminal.refuse(str(error))
     secret = flights.read_key(key)
-    own_folder.check_new(folder)
-    with own_folder.placed(folder) as draft:
+    whole_files.check_new(folder)
+    with whole_files.placed(folder) as draft:
         write = question_banks.write if quiz else handed_in.write
         write(chosen, student, secret, draft)
     terminal.show(folder)
@@ -83,15 +83,15 @@ def grade(
 ) -> None:
     """Mark what students handed in."""
     from acx4book.teaching import class_table, flights  # noqa: PLC0415 quick help
-    from acx4files.results import own_folder, whole_files  # noqa: PLC0415 quick help
+    from acx4files.results import whole_files  # noqa: PLC0415 quick help
 
     secret = flights.read_key(key)
     if out is not None:
         mark = ",".join(class_table.COLUMNS).encode()
-        own_folder.check_file(out, mark=mark, what="a table of acx4 grade")
+        whole_files.check_file(out, mark=mark, what="a table of acx4 grade")
     if totals is not None:
         mark = ",".join(class_table.TOTALS[1:]).encode()
-        own_folder.check_file(totals, mark=mark, what="a table of totals of acx4 grade")
+        whole_files.check_file(totals, mark=mark, what="a table of totals of acx4 grade")
     graded = class_table.grade(
         handed_in, secret, lambda marks: terminal.show("\n".join(class_table.lines(marks)))
     )

@@ -53,7 +53,7 @@ Flight = Annotated[Path, argument("FLIGHT", "Folder with flight.toml.")]
 
 
 BOOK = (
-    *("IPython", "PIL", "ipykernel", "jinja2", "matplotlib", "nbformat"),
+    *("IPython", "ipykernel", "jinja2", "matplotlib", "nbformat"),
     *("papermill", "traitlets", "yaml"),
 )
 """Modules of the extra ``book``."""

@@ -16,12 +16,12 @@ import pandas as pd
 from acx4book.foundations import example
 from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.bundle.adjust import designed, mounted_orientation
-from acx4lib.bundle.unknowns import free_mount
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import Camera, inside
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.least_squares.covariance import correlation
+from acx4lib.model import Model
 
 CONTROL_M = ((120.0, 110.0), (-110.0, 120.0), (-120.0, -110.0), (110.0, -120.0), (10.0, 20.0))
 """Places of control points, east and north; a plan takes the first of them."""
@@ -132,7 +132,7 @@ def covariance(
         Square, in the units of `SHOWN`. The variance is infinite where the design leaves an
         unknown open.
     """
-    network = mounted_orientation(block, free=free, free_mount=free_mount(fix), gnss=gnss)
+    network = mounted_orientation(block, Model(free=free, fix=fix, gnss=gnss))
     keys = [name.split("/")[1] for name in network.column_names()]
     columns = np.array([keys.index(key) for key in SHOWN if key in keys])
     names, units = zip(*(SHOWN[keys[k]] for k in columns), strict=True)

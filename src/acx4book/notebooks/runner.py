@@ -22,9 +22,9 @@ from threadpoolctl import threadpool_limits
 from acx4files.flight import reader
 from acx4files.flight.reader import Flight
 from acx4files.results import folder as results
-from acx4files.results import own_folder, provenance, whole_files
+from acx4files.results import provenance, whole_files
+from acx4files.results.folder import NOTEBOOKS, PART_OF
 from acx4files.results.provenance import EXECUTED, FAILED, KEPT
-from acx4files.results.table_files import NOTEBOOKS, PART_OF
 from acx4files.stages import heads, mounting, order, rig, validation
 from acx4lib.errors import Acx4Error, AdjustmentError, unsolvable
 
@@ -122,7 +122,6 @@ def run(
         msg = "the calibration of an earlier flight is for stage validation alone"
         raise ValueError(msg)
     folder, tell = Path(results_path), tell or (lambda *_: None)
-    own_folder.check_place(folder, away_from=[Path(flight_path)])
     flight = reader.read(flight_path)
     skipped = {stage: reason for stage in wanted if (reason := order.missing(flight, stage))}
     ran = order.ordered(flight, [stage for stage in wanted if stage not in skipped])
@@ -132,9 +131,9 @@ def run(
         if notebooks is None
         else _executed(notebooks, flight, folder, ("flight", *ran), str(calibration))
     )
-    provenance.begin(folder, flight, stages, skipped=skipped, calibration=earlier_results)
-    for kind in (EXECUTED, FAILED):  # those of stages that are not executed now
-        for stage in {"flight", *wanted} - {*(steps if notebooks else ())}:
+    provenance.begin(folder, flight, stages, calibration=earlier_results)
+    for kind in (EXECUTED, FAILED):
+        for stage in ("flight", *wanted):
             (folder / kind / f"{NOTEBOOKS[stage]}.ipynb").unlink(missing_ok=True)
         with suppress(OSError):  # it holds others, or is not there
             (folder / kind).rmdir()
@@ -157,9 +156,9 @@ def run(
 
 def _earlier(calibration: str | Path, flight: Flight) -> Mapping[str, object]:
     """Return the summary of the results of an earlier flight."""
-    from acx4files.results import earlier  # noqa: PLC0415 loads what adjusts
+    from acx4files.results import read_back  # noqa: PLC0415 loads what adjusts
 
-    return earlier.read(calibration, flight).origin
+    return read_back.read_earlier(calibration, flight).origin
 
 
 def _run_steps(

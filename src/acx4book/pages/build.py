@@ -42,8 +42,8 @@ from acx4book.typesetting.svg import vector
 from acx4files.flight.reader import Flight
 from acx4files.results import folder as results
 from acx4files.results import provenance, whole_files
+from acx4files.results.folder import NOTEBOOKS
 from acx4files.results.provenance import KEPT
-from acx4files.results.table_files import NOTEBOOKS
 from acx4sim.files import truth_path
 
 BENCHMARKS = Path("data", "benchmarks")

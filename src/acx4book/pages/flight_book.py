@@ -30,9 +30,9 @@ from acx4book.report import material, page
 from acx4book.typesetting.myst import myst_table
 from acx4book.typesetting.plain_text import code, shown
 from acx4book.typesetting.tables import markdown
-from acx4files.results import own_folder, whole_files
+from acx4files.results import whole_files
+from acx4files.results.folder import NOTEBOOKS
 from acx4files.results.provenance import KEPT
-from acx4files.results.table_files import NOTEBOOKS
 from acx4lib.errors import Acx4Error, visible
 
 SIGNS = ("searchindex.js",)
@@ -114,7 +114,7 @@ def write(
     """
     with (
         tempfile.TemporaryDirectory(prefix="acx4-book-") as temporary,
-        own_folder.claim(site, signs=SIGNS),
+        whole_files.claim(site, signs=SIGNS),
     ):
         source = Path(temporary) / "book"
         name = _gather(results_path, source, tell)
@@ -148,7 +148,7 @@ def write_chapter(name: str, results_path: Path, site: Path) -> None:
         raise BookError(f"{name}: no such notebook; one is {next(iter(CHAPTERS))}")
     with (
         tempfile.TemporaryDirectory(prefix="acx4-book-") as temporary,
-        own_folder.claim(site, signs=SIGNS),
+        whole_files.claim(site, signs=SIGNS),
     ):
         source = Path(temporary) / "book"
         executed = _begun(source)
@@ -178,7 +178,7 @@ def _place(html: Path, folder: Path) -> None:
             if path.is_dir():
                 place.mkdir(parents=True, exist_ok=True)
             else:
-                new.write(place, path.read_bytes())
+                new(place).write_bytes(path.read_bytes())
 
 
 def _gather(results_path: Path, source: Path, tell: Tell) -> str:

@@ -24,8 +24,8 @@ from acx4book.typesetting.myst import LABELS, TITLES, marked, say, sections
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4files.flight.reader import Flight, read_kept
 from acx4files.results import folder
-from acx4files.results.adjustments import mounted_block
 from acx4files.results.provenance import KEPT
+from acx4files.results.read_back import mounted_block
 from acx4files.stages import mounting
 from acx4lib.calibration.determination import Absorption, absorption
 from acx4lib.expected import Array, Mask
@@ -207,7 +207,7 @@ def absorbed_of_run(flight: Flight, found: folder.Results) -> Absorption | None:
     if "mounting/single_step" not in found.summary:
         return None
     block = mounted_block(flight, "calibration", found)
-    return absorption(mounting.calibrate(flight, block).mountings)
+    return absorption(mounting.calibrate(flight, block))
 
 
 def _largest_correlations(stored: folder.Results) -> dict[str, float]:

@@ -6,9 +6,8 @@ The plan is flown without errors and adjusted. The wind moves an aircraft, and n
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,14 +17,13 @@ from acx4book.planning.plan import Plan
 from acx4lib import expected
 from acx4lib.block import Block
 from acx4lib.bundle.adjust import designed, mounted_orientation
-from acx4lib.bundle.unknowns import free_mount
 from acx4lib.calibration import rig, trajectory_errors
 from acx4lib.calibration.estimates import Calibration, from_bundle, given, parameters
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
-from acx4lib.geometry.parameters import ATTITUDE
 from acx4lib.georeferencing.validation import Validation, validate
+from acx4lib.model import Model
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -182,7 +180,7 @@ def _adjusted(plan: Plan, blocks: Mapping[str, Block]) -> Adjusted:
             if needed <= {camera.name for camera in one.cameras}
         }
     validations = {
-        method: validate(blocks["validation"], one, method=method, refraction=plan.setup.refraction)
+        method: validate(blocks["validation"], one, plan.setup.model, method=method)
         for method, one in calibrations.items()
     }
     return Adjusted(
@@ -192,30 +190,12 @@ def _adjusted(plan: Plan, blocks: Mapping[str, Block]) -> Adjusted:
 
 def _calibrated(plan: Plan, block: Block, method: str) -> Mounting:
     """Return what the stage of a method would estimate of a block without errors."""
-    setup = plan.setup
     if method == "single_step":
-        free = setup.estimate_mounting
-        return _single_step(block, free=free, fix=setup.fix, gnss=setup.gnss, plan=plan)
-    turns = [name for name in setup.gnss if name in ATTITUDE]
-    step = partial(_single_step, plan=plan, gnss=turns)
-    mounting = rig.calibrate_by(step, block, free=setup.estimate_heads, fix=setup.fix)
+        return _single_step(block, plan.setup.model)
+    mounting = rig.calibrate(block, plan.setup.heads_model, step=_single_step)
     return replace(mounting, method=method)
 
 
-def _single_step(
-    block: Block,
-    *,
-    plan: Plan,
-    free: Sequence[str],
-    fix: Sequence[str] = (),
-    gnss: Sequence[str] = (),
-) -> Mounting:
-    network = mounted_orientation(
-        block,
-        free=free,
-        free_mount=free_mount(fix),
-        refraction=plan.setup.refraction,
-        gnss=gnss,
-    )
-    bundle = designed(network)
+def _single_step(block: Block, model: Model) -> Mounting:
+    bundle = designed(mounted_orientation(block, model))
     return Mounting(method="single_step", calibration=from_bundle(bundle), bundle=bundle)

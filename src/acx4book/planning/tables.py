@@ -14,23 +14,23 @@ from acx4book.planning.design import Design
 from acx4book.planning.flown import flying_time_s
 from acx4book.planning.plan import PlannedBlock
 from acx4files.flight.reader import area_notes
-from acx4files.results.rows import parameter_tables, unit_of
-from acx4files.results.table_files import COLUMNS, COMPONENTS
+from acx4files.results import sentences as messages
+from acx4files.results.folder import COLUMNS, COMPONENTS
+from acx4files.results.tables import parameter_tables, record, unit_of
 from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.calibration import determination, trajectory_errors
+from acx4lib.calibration import diagnosis, trajectory_errors
 from acx4lib.calibration.determination import detectable
 from acx4lib.calibration.estimates import (
     Parameter,
     features,
     from_bundle,
     is_determined,
-    not_determined,
     parameters,
 )
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import REPORTED
-from acx4lib.georeferencing import budget, weak
+from acx4lib.georeferencing import budget
 from acx4lib.least_squares.covariance import correlation, sigmas
 from acx4lib.least_squares.statistics import norm_ppf
 
@@ -94,7 +94,7 @@ def _parameters(design: Design, method: str) -> pd.DataFrame:
     of_winds = design.covariances(method)
     cov = of_winds.mean(axis=0)
     listed = _listed(design, method, cov)
-    table = parameter_tables("mounting", method, listed, cov)["parameters"]
+    table = record(f"mounting/{method}", parameter_tables(listed, cov), {}).tables["parameters"]
     if not listed:
         return table.reindex(columns=[*table.columns, *ADDED])
     related = correlation(cov) - np.eye(len(cov))
@@ -122,7 +122,8 @@ def covariance_table(design: Design) -> pd.DataFrame:
     for method in design.mountings:
         cov = design.covariances(method).mean(axis=0)
         listed = _listed(design, method, cov)
-        parts.append(parameter_tables("mounting", method, listed, cov)["covariance"])
+        made = record(f"mounting/{method}", parameter_tables(listed, cov), {})
+        parts.append(made.tables["covariance"])
     return pd.concat(parts) if parts else pd.DataFrame(columns=[*COLUMNS["covariance"]])
 
 
@@ -212,8 +213,8 @@ def sentences(design: Design) -> list[str]:
     for method, mounting in design.mountings.items():
         cov = design.covariances(method).mean(axis=0)
         has = features(mounting.bundle.network.block)
-        lines = not_determined(design.calibration(method), has)
-        lines += trajectory_errors.not_determined(mounting.bundle, cov)
+        lines = messages.not_determined(design.calibration(method), has)
+        lines += messages.trajectory_not_determined(mounting.bundle, cov)
         out += [f"mounting/{method}: {line}" for line in lines]
     return out
 
@@ -236,26 +237,23 @@ def _weak_sentences(design: Design) -> list[str]:
     for method, mounting in design.mountings.items():
         network, mean = mounting.bundle.network, design.calibration(method)
         of_winds = [
-            weak.shares(wind.validations[method].points.sources, wind.calibrations[method])
+            budget.parameter_shares(
+                wind.validations[method].points.sources, wind.calibrations[method]
+            )
             for wind in design.winds
             if method in wind.validations
         ]
         known = [share for share in of_winds if share is not None]
         if known:
-            shares, where = np.mean(known, axis=0), weak.CHECK_POINTS
+            shares, where = np.mean(known, axis=0), diagnosis.CHECK_POINTS
         else:
-            shares, where = weak.shares_at_corners(mean, network.block), weak.CORNERS
-        weaknesses = weak.together(
-            [
-                *weak.of_calibration(mean, shares, of=where),
-                *weak.of_bundle(mounting.bundle, from_bundle(mounting.bundle)),
-            ]
-        )
+            shares, where = budget.shares_at_corners(mean, network.block), diagnosis.CORNERS
+        weaknesses = diagnosis.of(mounting.bundle).weak(shares, of=where)
         listed = _listed(design, method, design.covariances(method).mean(axis=0))
         named = {p.full_name: p for p in listed}
         weaknesses = [replace(w, parameter=named[w.parameter.full_name]) for w in weaknesses]
         late = bool(network.layout.delay[0] >= 0)
-        lines = weak.sentences(weaknesses, features(network.block), late=late)
+        lines = messages.weak(weaknesses, features(network.block), late=late)
         out += [f"mounting/{method}: {line}" for line in lines]
     return out
 
@@ -282,13 +280,16 @@ def summary(design: Design) -> dict[str, Any]:
 
 def _counts(design: Design, method: str) -> dict[str, Any]:
     bundle = design.mountings[method].bundle
+    found = diagnosis.of(bundle, design.calibration(method))
     return {
         "n_images": len(bundle.network.block.images),
         "n_control_points": len(bundle.network.control),
         "n_observations": bundle.solution.n_observations,
         "n_unknowns": bundle.solution.n_unknowns,
         "redundancy": bundle.solution.redundancy,
-        **determination.as_json(bundle, design.calibration(method)),
+        "condition": bundle.solution.condition,
+        "weakest": {part.unknown: part.share for part in found.weakest},
+        "correlated": [[pair.row, pair.column, pair.correlation] for pair in found.correlated],
     }
 
 
@@ -359,7 +360,7 @@ def _method_lines(design: Design, method: str, table: pd.DataFrame) -> Iterator[
             for row in table.to_dict("records")
         ],
     )
-    weakest = determination.weakest_combination(bundle)
+    weakest = diagnosis.of(bundle).weakest
     parts = ", ".join(f"{part.unknown} {100 * part.share:.0f} %" for part in weakest)
     yield f"  weakest direction: {parts or 'several are left open altogether'}"
 

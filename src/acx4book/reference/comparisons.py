@@ -19,7 +19,7 @@ from acx4book.reference.heads import FIVE, TEN
 from acx4book.typesetting import myst, style
 from acx4book.typesetting.plain_text import Markup
 from acx4files.results import whole_files
-from acx4files.results.own_folder import working_copy
+from acx4files.results.whole_files import working_copy
 from acx4lib.geometry.parameters import AXES
 
 PACKAGES = ("acx4lib", "numpy", "scipy", "pyproj")

@@ -21,7 +21,7 @@ from importlib import resources
 from pathlib import Path
 
 from acx4files.results import whole_files
-from acx4files.results.own_folder import working_copy
+from acx4files.results.whole_files import working_copy
 from acx4lib.errors import Acx4Error
 
 FOLDER = Path(str(resources.files("acx4book.reference") / "measurements")).resolve()

@@ -24,6 +24,7 @@ from acx4lib.bundle.start import resected
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.frames import Pose
+from acx4lib.model import Model
 
 # --- DBAT's two projects, adjusted; approximate values come from the measurements only
 
@@ -139,7 +140,7 @@ def _adjusted(folder: str, camera: Camera, measured: Array, *, free: tuple[str, 
         check=control[is_check],
         trajectory=Trajectory(exposures=names, T_m_b=unknown),
     )
-    network = adjust.free_orientation(resected(block), free=free)
+    network = adjust.free_orientation(resected(block), Model(free=free))
     # DBAT corrects the points as they were measured
     bundle = adjust.adjust(replace(network, distortion_at="measured"))
     return Project(

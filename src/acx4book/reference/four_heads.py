@@ -33,7 +33,6 @@ from acx4book.typesetting.pictures import (
 from acx4files.exchange import flight_folder, pictures
 from acx4files.flight import reader
 from acx4files.flight.reader import Flight
-from acx4files.images.exposure import stacked
 from acx4files.images.head_images import read_heads
 from acx4files.measuring.measure import measure_flight
 from acx4files.results import whole_files
@@ -45,7 +44,8 @@ from acx4lib.calibration.heads import RelativeOrientation, declared_orientation
 from acx4lib.calibration.mounting import Mounting, single_step
 from acx4lib.expected import Array, Mask, Raster
 from acx4lib.geometry.camera import Camera
-from acx4lib.synthetic_image.rendering import render_plan
+from acx4lib.model import Model
+from acx4lib.synthetic_image.rendering import render_plan, stack
 from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.ties import shared_points
 
@@ -95,7 +95,7 @@ def thinned(block: Block) -> Mask:
 def rig(flight: Flight) -> Mounting:
     """Adjust all heads of the flight with the trajectory, as the chapter does."""
     free = ("f", *flight.estimate_heads)
-    return single_step(heads_of(flight), free=free, fix=("lever_arm",), gnss=("deviation",))
+    return single_step(heads_of(flight), Model(free=free, fix=("lever_arm",), gnss=("deviation",)))
 
 
 def heads_of(flight: Flight) -> Block:
@@ -455,11 +455,9 @@ def _window(
     orientation: RelativeOrientation, synthetic: Camera, pixels: Sequence[Raster]
 ) -> Raster:
     top, bottom, left, right = WINDOW
-    bands = np.empty((synthetic.height_px, synthetic.width_px, len(pixels)), np.uint16)
-    stacked(render_plan(orientation, synthetic), pixels)(bands, 0)
+    bands = stack(render_plan(orientation, synthetic), pixels, top, bottom)
     names = [head.name for head in orientation.heads]
-    part: Raster = bands[top:bottom, left:right][..., [names.index(name) for name in COMPOSITE]]
-    return part
+    return bands[:, left:right, [names.index(name) for name in COMPOSITE]]
 
 
 def _webp(path: Path, unit: Array) -> None:

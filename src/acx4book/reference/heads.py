@@ -28,7 +28,6 @@ from acx4files.exchange import pictures as picture_folder
 from acx4files.exchange.lens import FLIP
 from acx4files.exchange.metadata import Head, Tags, read
 from acx4files.flight.settings import camera_of
-from acx4files.images.exposure import stacked
 from acx4files.images.head_images import read_heads
 from acx4lib import shown
 from acx4lib.calibration.heads import RelativeOrientation, declared_orientation
@@ -36,7 +35,7 @@ from acx4lib.expected import Array, Raster
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import opk_from_rotation, rotation_from_opk
 from acx4lib.least_squares.covariance import sigmas
-from acx4lib.synthetic_image.rendering import render_plan
+from acx4lib.synthetic_image import rendering
 from acx4lib.synthetic_image.response import estimate_response
 from acx4lib.tie_points.refinement import FREE, Refined, refine_by_rotations
 from acx4lib.tie_points.search import ImageTies, find_ties, strongest_chain
@@ -494,8 +493,8 @@ def _grey(rig: Solved, k: int, colrow: Array) -> Array:
 
 
 def _vignetting_factory(rig: Solved, k: int, colrow: Array) -> Array:
-    stated = metadata.vignetting(rig.tags[k])
-    return np.ones(len(colrow)) if stated is None else stated.at(colrow)
+    stated = metadata.vignetting(rig.tags[k], colrow)
+    return np.ones(len(colrow)) if stated is None else stated
 
 
 def _response(rig: Solved, k: int, m: int, radius: Array) -> Array:
@@ -694,10 +693,8 @@ def stack(*, folder: str = "") -> Figure | None:
     rig = here(FIVE, folder=folder)
     if rig is None:
         return None
-    shape = rig.synthetic.height_px, rig.synthetic.width_px, len(rig.images)
-    bands = np.empty(shape, np.uint16)
-    plan = render_plan(rig.fits["rotations"].orientation, rig.synthetic)
-    stacked(plan, rig.images)(bands, 0)
+    plan = rendering.render_plan(rig.fits["rotations"].orientation, rig.synthetic)
+    bands = rendering.stack(plan, rig.images, 0, plan.height_px)
     with style.applied():
         fig, axes = style.subplots(1, 2, figsize=(style.WIDTH, 2.9))
         for ax, (title, names) in zip(axes, COMPOSITES.items(), strict=True):

@@ -23,7 +23,7 @@ from acx4book.report.words import adjustment_title, begun, listed, parameter_tit
 from acx4book.typesetting.myst import numbers, p_value, value_and_sigma
 from acx4files.flight.settings import Device
 from acx4files.results import folder, whole_files
-from acx4files.results.own_folder import check_file
+from acx4files.results.whole_files import check_file
 from acx4lib.errors import Acx4Error, OutputError, visible
 from acx4lib.geometry.camera import INTERIOR, Camera
 from acx4lib.geometry.parameters import AXES, REPORTED

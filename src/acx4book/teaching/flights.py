@@ -28,9 +28,6 @@ from acx4sim.plan import Options, Plan, Strip, layout
 SHORTEST_KEY = 32
 """Bytes. A short key could be found by trying: simulate, and compare with the flight."""
 
-LONGEST_KEY = 4096
-"""Bytes."""
-
 LONGEST_FOLDER = 50
 """Characters of a name that go into the name of a folder."""
 
@@ -45,7 +42,7 @@ def read_key(path: Path) -> bytes:
     FlightError
         Where the file cannot be read, or the key is too short.
     """
-    data, problems = read_bytes(path, str(path), needed_by="every flight's seed", most=LONGEST_KEY)
+    data, problems = read_bytes(path, str(path), needed_by="every flight's seed")
     if problems:
         raise FlightError([f"{lines_of(problems)[0]}; make a key by {MAKE_A_KEY}"])
     key = data.strip()

@@ -30,9 +30,6 @@ ANSWERS = "answers.csv"
 COLUMNS = ("student", "sheet", "question", "value", "sigma", "unit")
 """Columns of answers.csv."""
 
-LARGEST = 1_000_000
-"""Largest size of a file, bytes; a file with all answers has a few thousand."""
-
 LARGEST_NUMBER = 1e300
 """Larger than any answer."""
 
@@ -242,9 +239,7 @@ def _estimates(table: Table) -> dict[str, Answer]:
 
 def _table(path: Path, schema: Schema, *, as_written: Callable[[str], str] = str) -> Table:
     """Read a table; FlightError on any problem."""
-    table = read_columns(
-        path, str(path), schema, needed_by="a mark", most=LARGEST, as_written=as_written
-    )
+    table = read_columns(path, str(path), schema, needed_by="a mark", as_written=as_written)
     if table.problems:
         raise FlightError(lines_of(table.problems))
     return table

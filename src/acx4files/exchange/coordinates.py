@@ -6,7 +6,7 @@ Their cameras have x right, y down, z ahead; the library's are turned about x.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 import pyproj
@@ -60,10 +60,6 @@ def stacked(poses: list[Pose]) -> Pose:
 # --- The coordinate system of the flight, from what a project says of its own
 
 
-MADE = 64
-"""Number of systems kept in the cache; PROJ takes long to make one."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Chosen:
     """A flight's coordinate system.
@@ -113,13 +109,13 @@ class Chosen:
         return np.column_stack([east, north, xyh[:, 2]])
 
 
-@lru_cache(maxsize=MADE)
+@cache
 def grid_of(crs: str, heights: str | float = "ellipsoidal") -> GridSystem:
     """Return a CRS and heights for computations; a ValueError where they cannot be used."""
     return grid_system(crs, heights)
 
 
-@lru_cache(maxsize=MADE)
+@cache
 def _between(source: pyproj.CRS, crs: str) -> pyproj.Transformer:
     return pyproj.Transformer.from_crs(
         source, pyproj.CRS(crs), always_xy=True, allow_ballpark=False
@@ -181,7 +177,7 @@ def _on_no_map(source: pyproj.CRS | None) -> Chosen:
     return Chosen(crs=LOCAL, heights="ellipsoidal", assumed=(sentence,))
 
 
-@lru_cache(maxsize=MADE)
+@cache
 def parsed(text: str) -> pyproj.CRS:
     """Return the CRS of a code or WKT; a ValueError says why it is none."""
     if fault := crs_fault(text):
@@ -192,7 +188,7 @@ def parsed(text: str) -> pyproj.CRS:
         raise ValueError("coordinate system is none that PROJ knows") from None
 
 
-@lru_cache(maxsize=MADE)
+@cache
 def _horizontal(crs: pyproj.CRS) -> pyproj.CRS:
     crs = crs.sub_crs_list[0] if crs.is_compound else crs
     crs = crs.source_crs if crs.is_bound and crs.source_crs else crs

@@ -13,7 +13,7 @@ import io
 import json
 import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -25,11 +25,11 @@ from acx4files.flight.problems import lines_of
 from acx4files.flight.table_files import Columns
 from acx4files.flight.tables import name_fault
 from acx4files.flight.toml_file import read_toml
-from acx4files.results import own_folder, whole_files
+from acx4files.results import whole_files
 from acx4lib.errors import FlightError, OutputError
 from acx4lib.geometry.geodesy import LOCAL
 
-SETTINGS, STATEMENT = "flight.toml", "import.md"
+SETTINGS, STATEMENT, CONTROL = "flight.toml", "import.md", "control_points.csv"
 
 SYSTEMS = ("crs", "heights")
 """Settings that hold for all numbers of a flight."""
@@ -66,28 +66,32 @@ def write(imported: ImportedFlight, folder: Path) -> tuple[str, ...]:
         Where measurements lie outside the pictures.
     """
     _require_inside(imported)
-    with own_folder.claim(folder, signs=[STATEMENT], becomes_flight=True):
-        edited = (folder / SETTINGS).exists() and bool(_changes(folder, [SETTINGS]))
+    with whole_files.claim(folder, signs=[STATEMENT]):
+        edited = (folder / SETTINGS).exists() and bool(_changed(folder, [SETTINGS]))
         texts = {name: _table_text(table) for name, table in imported.tables.items()}
         if imported.settings and not edited:
             texts[SETTINGS] = _settings(folder, imported.settings)
-        said = statement(imported, edited=edited) + _written(texts)
-        texts[STATEMENT] = _read(folder / STATEMENT) + said
         pictures = {
             name: picture
             for name, picture in imported.pictures.items()
             if picture.absolute() != (folder / name).absolute()
         }
-        changed = _changes(folder, [name for name in texts if name != STATEMENT])
-        changed += [
+        changed = _changed(folder, texts) + [
             f"{folder / name}: is another picture than {picture}"
             for name, picture in pictures.items()
             if (folder / name).exists() and not filecmp.cmp(picture, folder / name)
         ]
         if changed:
             raise OutputError(f"{changed[0]}; move it away, or choose another folder")
-        remarks = _replaced(folder, {name: texts[name] for name in imported.tables})
-        _place(folder, texts, pictures)
+        before = {name: _read(folder / name) for name in imported.tables}
+        remarks = tuple(
+            f"{name}: {number_of(n, 'rows')} of an earlier import replaced by "
+            f"{_n_rows(texts[name])}"
+            for name, text in before.items()
+            if (n := _n_rows(text)) and text != texts[name]
+        )
+        said = statement(imported, edited=edited) + _written(texts)
+        _place(folder, {**texts, STATEMENT: _read(folder / STATEMENT) + said}, pictures)
     if edited and imported.settings:
         kept = f"{SETTINGS} was edited and stays as it is; what the source says is in {STATEMENT}"
         return (kept, *remarks)
@@ -102,30 +106,21 @@ def _require_inside(imported: ImportedFlight) -> None:
         if not file.endswith("/image_points.csv") or images is None:
             continue
         camera_of = dict(zip(images["image"], images["camera"], strict=True))
-        n_outside, first = 0, ""
-        for name, point, col, row in zip(
-            *(points[column] for column in ("image", "point", "col_px", "row_px")), strict=True
-        ):
+        rows = zip(*(points[name] for name in ("image", "point", "col_px", "row_px")), strict=True)
+        outside = []
+        for name, point, col, row in rows:
             camera = cameras.get(camera_of.get(name), {})
             width, height = camera.get("width_px", np.inf), camera.get("height_px", np.inf)
             if not (-0.5 <= col <= width - 0.5 and -0.5 <= row <= height - 0.5):
-                n_outside += 1
-                first = first or f"point {point} in {name}: col {col:.1f}, row {row:.1f}"
                 size = f"{width:g} x {height:g} px, the size that was given or read"
-        if n_outside:
+                outside.append((f"point {point} in {name}: col {col:.1f}, row {row:.1f}", size))
+        if outside:
             read = min(imported.sha256, default=imported.source)
-            many = f"{n_outside} of {len(points['image'])} measurements lie outside their pictures"
-            raise FlightError([f"{read}:1: {first}, and {many}; must lie in {size}"])
-
-
-def _replaced(folder: Path, tables: Mapping[str, str]) -> tuple[str, ...]:
-    """Return sentences on tables of an earlier import that others take the place of."""
-    before = {name: _n_rows(_read(folder / name)) for name in tables}
-    return tuple(
-        f"{name}: {number_of(n, 'rows')} of an earlier import replaced by {_n_rows(tables[name])}"
-        for name, n in before.items()
-        if n and _read(folder / name) != tables[name]
-    )
+            said = (
+                f"{len(outside)} of {len(points['image'])} measurements lie outside their pictures"
+            )
+            first, size = outside[0]
+            raise FlightError([f"{read}:1: {first}, and {said}; must lie in {size}"])
 
 
 def _n_rows(text: str) -> int:
@@ -152,7 +147,7 @@ def begin(
     OutputError
         Where the folder holds anything.
     """
-    with own_folder.claim(folder, signs=[], becomes_flight=True):
+    with whole_files.claim(folder, signs=[]):
         _place(folder, {**texts, STATEMENT: _written(texts)}, files)
 
 
@@ -189,18 +184,14 @@ def statement(imported: ImportedFlight, *, edited: bool = False) -> str:
         if sentences:
             lines += [f"## {title}", "", *(f"- {sentence}" for sentence in sentences), ""]
     if imported.lenses:
-        lines += ["## Lenses", "", *_lens_table(imported.lenses), ""]
+        heading = ("camera", "width x height", "f", "f there", "largest difference", "rms")
+        rows = (heading, ("---",) * len(heading), *imported.lenses)
+        cells = ([cell.replace("|", "\\|") for cell in row] for row in rows)
+        lines += ["## Lenses", "", *(f"| {' | '.join(row)} |" for row in cells), ""]
     if edited and imported.settings:
         text = written(imported.settings).rstrip("\n")
         lines += ["## Settings", "", "```toml", *text.split("\n"), "```", ""]
     return "\n".join(lines) + "\n"
-
-
-def _lens_table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
-    """Yield a table in Markdown; all numbers are px."""
-    heading = ("camera", "width x height", "f", "f there", "largest difference", "rms")
-    for row in (heading, ("---",) * len(heading), *rows):
-        yield f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |"
 
 
 WRITTEN = re.compile(r"^- (.+), written with SHA-256 ([0-9a-f]{64})$", re.MULTILINE)
@@ -209,22 +200,20 @@ WRITTEN = re.compile(r"^- (.+), written with SHA-256 ([0-9a-f]{64})$", re.MULTIL
 
 def _written(texts: Mapping[str, str]) -> str:
     """Return the part of import.md on the files that are written."""
-    lines = [f"- {n}, written with SHA-256 {_sha256(text.encode())}" for n, text in texts.items()]
+    digests = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in texts.items()}
+    lines = [f"- {name}, written with SHA-256 {digest}" for name, digest in digests.items()]
     return "\n".join(["## Written", "", *lines, ""]) + "\n"
 
 
-def _changes(folder: Path, names: Sequence[str]) -> list[str]:
+def _changed(folder: Path, names: Iterable[str]) -> list[str]:
     """Return a line for each existing file that is not as an import left it."""
     digests = dict(WRITTEN.findall(_read(folder / STATEMENT)))
     return [
         f"{folder / name}: was {'changed since' if name in digests else 'not written by'} an import"
         for name in names
-        if (folder / name).exists() and digests.get(name) != _sha256((folder / name).read_bytes())
+        if (folder / name).exists()
+        and digests.get(name) != hashlib.sha256((folder / name).read_bytes()).hexdigest()
     ]
-
-
-def _sha256(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
 
 
 def _settings(folder: Path, imported: Mapping[str, Any]) -> str:
@@ -271,15 +260,11 @@ def with_no_control(imported: ImportedFlight, folder: Path) -> ImportedFlight:
     folder : Path
         Of the flight; one that has control points keeps them.
     """
-    control = "control_points.csv"
-    if (
-        imported.settings.get("crs") != LOCAL
-        or control in imported.tables
-        or (folder / control).exists()
-    ):
+    has_them = CONTROL in imported.tables or (folder / CONTROL).exists()
+    if imported.settings.get("crs") != LOCAL or has_them:
         return imported
     empty: dict[str, list[Any]] = {name: [] for name in ("point", "east_m", "north_m", "height_m")}
-    return replace(imported, tables={**imported.tables, control: empty})
+    return replace(imported, tables={**imported.tables, CONTROL: empty})
 
 
 def with_synthetic(imported: ImportedFlight) -> ImportedFlight:
@@ -293,9 +278,8 @@ def with_synthetic(imported: ImportedFlight) -> ImportedFlight:
     images = imported.tables.get("heads/images.csv")
     cameras = imported.settings.get("cameras", {})
     heads = [] if images is None else [*dict.fromkeys(images["camera"])]
-    if len(heads) < 2 or "synthetic" in imported.settings or SYNTHETIC in cameras:
-        return imported
-    if not cameras.keys() >= {*heads}:
+    has_one = "synthetic" in imported.settings or SYNTHETIC in cameras
+    if len(heads) < 2 or has_one or not cameras.keys() >= {*heads}:
         return imported
     heads.sort(key=lambda name: not _looks_along_the_rig(cameras[name]))
     first = cameras[heads[0]]
@@ -304,17 +288,14 @@ def with_synthetic(imported: ImportedFlight) -> ImportedFlight:
         "cameras": {**cameras, SYNTHETIC: virtual},
         "synthetic": {"camera": SYNTHETIC, "heads": heads},
     }
-    sentence = (
-        f"The synthetic camera {SYNTHETIC} has size, focal length and direction of {heads[0]}"
-    )
-    return replace(imported, settings=settings, assumed=(*imported.assumed, sentence))
+    said = f"The synthetic camera {SYNTHETIC} has size, focal length and direction of {heads[0]}"
+    return replace(imported, settings=settings, assumed=(*imported.assumed, said))
 
 
 def _looks_along_the_rig(camera: Mapping[str, Any]) -> bool:
     """Tell whether the mounting of a camera is turned by right angles about its axis alone."""
     omega, phi, kappa = (float(camera.get(key, 0.0)) for key in SEEN_FROM)
-    off = max(abs(omega), abs(phi), abs((kappa + 45) % 90 - 45))
-    return off < 1e-6
+    return max(abs(omega), abs(phi), abs((kappa + 45) % 90 - 45)) < 1e-6
 
 
 # --- Imported data in the form of a flight, and the sentences on them
@@ -378,8 +359,6 @@ TABLES = {
 }
 VIRTUAL = ("SYN", *(f"SYN_{k}" for k in range(1, 100)))
 """Names of the synthetic camera: the first that no head has."""
-
-CONTROL = "point,east_m,north_m,height_m,role\n"
 
 HEAD = """\
 # A flight of acx4. What begins with # is a remark: take the # away to use a key.
@@ -451,7 +430,7 @@ def files(name: str, *, cameras: Sequence[str], crs: str, heights: str | float) 
         text += _SYNTHETIC_TABLE.format(**{key: _value_of(entry) for key, entry in names.items()})
     block = "heads" if is_rig else "calibration"
     tables = {f"{block}/{file}": header for file, header in TABLES.items()}
-    return {"flight.toml": text + END, "control_points.csv": CONTROL, **tables}
+    return {"flight.toml": text + END, CONTROL: "point,east_m,north_m,height_m,role\n", **tables}
 
 
 # --- Nested tables as TOML text, and values added to a text with its remarks
@@ -490,9 +469,10 @@ def added(text: str, values: Mapping[str, Any]) -> str:
     both = _merged(tomllib.loads(text), values)
     if "#" not in text:
         return written(both)
-    lines = text.rstrip("\n").split("\n")
-    _set(lines, (), values)
-    edited = "\n".join(lines) + "\n"
+    parts = re.split(r"(?m)^(?=\[)", text)
+    for keys, value in _flat(values, ()):
+        _set(parts, keys, _value_of(value))
+    edited = "".join(parts)
     try:
         return edited if tomllib.loads(edited) == both else written(both)
     except tomllib.TOMLDecodeError:  # a form that is not edited line by line
@@ -500,49 +480,42 @@ def added(text: str, values: Mapping[str, Any]) -> str:
 
 
 def _merged(before: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
-    both = dict(before)
-    for key, value in new.items():
-        old = before.get(key)
-        if isinstance(value, Mapping) and isinstance(old, Mapping):
-            both[key] = _merged(old, value)
+    return {**before, **new} | {
+        key: _merged(before[key], value)
+        for key, value in new.items()
+        if isinstance(value, Mapping) and isinstance(before.get(key), Mapping)
+    }
+
+
+def _flat(
+    values: Mapping[str, Any], keys: tuple[str, ...]
+) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Yield the values of nested tables with the keys that lead to them."""
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, (*keys, key))
         else:
-            both[key] = value
-    return both
+            yield (*keys, key), value
 
 
-def _set(lines: list[str], keys: tuple[str, ...], values: Mapping[str, Any]) -> None:
-    """Set the values of a table, and of the tables in it, line by line."""
-    header = f"[{'.'.join(map(_key_of, keys))}]"
-    for key, value in values.items():
-        if isinstance(value, Mapping):
-            continue
-        heads = [k for k, line in enumerate(lines) if line.lstrip().startswith("[")]
-        begin = next((k + 1 for k in heads if lines[k].partition("#")[0].strip() == header), -1)
-        if not keys:
-            begin = 0
-        elif begin < 0:
-            lines += ["", header]
-            begin = len(lines)
-        end = next((k for k in heads if k >= begin), len(lines))
-        _set_line(lines, begin, end, key, _value_of(value))
-    for key, value in values.items():
-        if isinstance(value, Mapping):
-            _set(lines, (*keys, key), value)
-
-
-def _set_line(lines: list[str], begin: int, end: int, key: str, value: str) -> None:
-    """Set a value in the lines of a table, from `begin` to before `end`."""
-    form = re.compile(rf"(?P<off>#\s*)?{re.escape(_key_of(key))}\s*=[^#]*(?P<remark>#.*)?")
-    found = [(k, form.fullmatch(lines[k].strip())) for k in range(begin, end)]
-    matches = [(k, match) for k, match in found if match]
-    if matches:
-        k, match = min(matches, key=lambda pair: bool(pair[1]["off"]))
-        remark = f"  {match['remark']}" if match["remark"] else ""
-        lines[k] = f"{_key_of(key)} = {value}{remark}"
-        return
-    while end > begin and not lines[end - 1].strip():
-        end -= 1
-    lines.insert(end, f"{_key_of(key)} = {value}")
+def _set(parts: list[str], keys: tuple[str, ...], value: str) -> None:
+    """Set a value in the parts of a text that begin with the headers of its tables."""
+    *table, key = map(_key_of, keys)
+    header = f"[{'.'.join(table)}]"
+    heads = [part.partition("\n")[0].partition("#")[0].strip() for part in parts]
+    k = heads.index(header) if header in heads else len(parts) if table else 0
+    if k == len(parts):
+        parts[-1] = parts[-1].rstrip("\n") + "\n\n"
+        parts.append(f"{header}\n")
+    for off in ("", r"#\s*"):
+        form = re.compile(rf"(?m)^{off}{re.escape(key)}\s*=[^#\n]*?(\s*#.*)?$")
+        if match := form.search(parts[k]):
+            remark = match[1].strip() if match[1] else ""
+            line = f"{key} = {value}" + (f"  {remark}" if remark else "")
+            parts[k] = parts[k][: match.start()] + line + parts[k][match.end() :]
+            return
+    body = parts[k].rstrip("\n")
+    parts[k] = f"{body}\n{key} = {value}{parts[k][len(body) :] or chr(10)}"
 
 
 def _lines(table: Mapping[str, Any], keys: tuple[str, ...], inline: str) -> Iterator[str]:
@@ -570,9 +543,7 @@ def _value_of(value: Any) -> str:
     """Return a value as it stands in TOML."""
     if isinstance(value, Mapping):
         return (
-            "{"
-            f"{', '.join(f'{_key_of(key)} = {_value_of(entry)}' for key, entry in value.items())}"
-            "}"
+            f"{{{', '.join(f'{_key_of(k)} = {_value_of(entry)}' for k, entry in value.items())}}}"
         )
     if isinstance(value, list | tuple) and value and isinstance(value[0], list | tuple):
         lines = (value[i : i + ROW] for i in range(0, len(value), ROW))

@@ -22,7 +22,7 @@ from acx4files.flight.problems import RANGES
 from acx4lib import expected
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
-from acx4lib.geometry.camera import Camera, Interior, correct, reduced, xy_from_colrow
+from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose
 
 FLIP = np.array([1.0, -1.0])
@@ -64,14 +64,16 @@ class Left:
     Attributes
     ----------
     largest_px, rms_px : float
-    returned : bool
-        Whether the lens is the imported one, returned to its program unchanged, not the nearest
-        to a camera.
     """
 
     largest_px: float
     rms_px: float
-    returned: bool = False
+
+    @classmethod
+    def of(cls, off: Array, scale: float = 1.0) -> Left:
+        """Return the distances of points of differences, first all along and then all across."""
+        apart = scale * np.hypot(*off.reshape(2, -1))
+        return cls(largest_px=float(apart.max()), rms_px=float(np.sqrt(np.mean(apart**2))))
 
     def __str__(self) -> str:
         return f"{self.largest_px:.2g} px at most, {self.rms_px:.2g} px rms"
@@ -202,85 +204,6 @@ def above(value: float) -> str:
     return text if float(text) > value else f"{value * 1.05:.2g}"
 
 
-def pinhole_of(camera: Camera) -> Pinhole:
-    """Return focal lengths and principal point of a camera, px."""
-    interior = camera.interior
-    f_px, scale = interior.f / camera.pixel_mm, 1 + interior.b1
-    middle = 0.5 * np.array([camera.width_px - 1, camera.height_px - 1])
-    offset = (
-        FLIP
-        * np.array([(interior.xp - interior.b2 * interior.yp) / scale, interior.yp])
-        / camera.pixel_mm
-    )
-    cx, cy = (middle + offset).tolist()
-    return Pinhole(fx=f_px / scale, fy=f_px, cx=cx, cy=cy, skew=interior.b2 * f_px / scale)
-
-
-def brown_of(camera: Camera) -> tuple[Array, Left]:
-    """Return OpenCV's coefficients k1, k2, p1, p2, k3 that are nearest to a camera's distortion.
-
-    They take the ideal point to the measured one; focal lengths and principal point are those of
-    `pinhole_of`.
-    """
-    lens = camera.interior
-    xy = xy_from_colrow(camera, nodes(camera.width_px, camera.height_px))
-    ideal = FLIP * correct(lens, xy) / lens.f
-    off = FLIP * reduced(lens, xy) / lens.f - ideal
-    return brown(ideal, off, lens.f / camera.pixel_mm)
-
-
-def without_skew(camera: Camera) -> tuple[Pinhole, Array, Left]:
-    """Return the nearest lens without skew: pinhole, OpenCV's coefficients, differences left.
-
-    Where a camera has b2, all of it is refitted; otherwise it is `pinhole_of` with `brown_of`.
-    """
-    hole, (coefficients, left) = pinhole_of(camera), brown_of(camera)
-    if not hole.skew:
-        return hole, coefficients, left
-
-    def pixels_of(values: Array, ideal: Array) -> Array:
-        by_role = dict(zip(BROWN, values[4:].tolist(), strict=True))
-        return _pinhole(values).colrow(ideal + effects(ideal, by_role))
-
-    start = np.array([hole.fx, hole.fy, hole.cx, hole.cy, *coefficients])
-    values, left = model_of(camera, pixels_of, start)
-    return _pinhole(values), values[4:], left
-
-
-def _pinhole(values: Array) -> Pinhole:
-    fx, fy, cx, cy = values[:4].tolist()
-    return Pinhole(fx=fx, fy=fy, cx=cx, cy=cy)
-
-
-def model_of(
-    camera: Camera, seen: Callable[[Array, Array], Array], start: Array
-) -> tuple[Array, Left]:
-    """Return the values of another lens model that are nearest to a camera, in the whole image.
-
-    Parameters
-    ----------
-    camera : Camera
-    seen : callable
-        From the values and ideal points, shape (n, 2), to pixels, shape (n, 2).
-    start : ndarray, shape (m,)
-        Approximate values, all of about the size 1, or not zero.
-
-    Returns
-    -------
-    values : ndarray, shape (m,)
-    left : Left
-        Distances of its pixels from the camera's.
-    """
-    colrow = nodes(camera.width_px, camera.height_px)
-    ideal = FLIP * correct(camera.interior, xy_from_colrow(camera, colrow)) / camera.interior.f
-
-    def off(values: Array) -> Array:
-        return (seen(values, ideal) - colrow).T.ravel()
-
-    fit = least_squares(off, start, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    return fit.x, _left(fit.fun, 1.0)
-
-
 def inverse(forward: Model, wanted: Array, start: Array) -> Array:
     """Return the points that a smooth map takes to wanted points, by Newton's method.
 
@@ -367,7 +290,7 @@ def brown(at: Array, off: Array, f_px: float) -> tuple[Array, Left]:
     """
     A = _terms(at)
     coefficients = _nearest(A, off.T.ravel())
-    return coefficients, _left(A @ coefficients - off.T.ravel(), f_px)
+    return coefficients, Left.of(A @ coefficients - off.T.ravel(), f_px)
 
 
 def _fitted(
@@ -400,7 +323,7 @@ def _fitted(
         return pinhole, A, _nearest(A, b)
 
     _, A, _ = linear(np.zeros(4))
-    held = _left(A @ [1.0, *coefficients] - b, 1.0)
+    held = Left.of(A @ [1.0, *coefficients] - b)
     if held.largest_px <= HELD_PX:
         return hole, 1.0, coefficients, held
 
@@ -412,7 +335,7 @@ def _fitted(
     a_pixel = np.array([1.0, 1.0, 1 / hole.fx, 1 / hole.fx])
     changes = least_squares(off, np.zeros(4), bounds=(-far, far), x_scale=a_pixel).x
     pinhole, A, free = linear(np.where(np.abs(changes) > MOVED_PX * a_pixel, changes, 0.0))
-    freed = _left(A @ free - b, 1.0)
+    freed = Left.of(A @ free - b)
     if freed.rms_px > WORTH * held.rms_px:
         return hole, 1.0, coefficients, held
     return pinhole, float(free[0]), free[1:] / free[0], freed
@@ -437,12 +360,6 @@ def _nearest(A: Array, off: Array) -> Array:
     size = np.abs(A).max(axis=0)  # so that high powers count as much as low ones
     effects = np.linalg.lstsq(A / size, off, rcond=None)[0]
     return np.asarray(np.where(np.abs(effects) > NOTHING, effects, 0.0) / size)
-
-
-def _left(off: Array, scale: float) -> Left:
-    """Return the distances of all points from differences, first along and then across."""
-    apart = scale * np.hypot(*off.reshape(2, -1))
-    return Left(largest_px=float(apart.max()), rms_px=float(np.sqrt(np.mean(apart**2))))
 
 
 def _slopes(forward: Model, points: Array, step: float) -> Array:
@@ -488,7 +405,7 @@ Effects = Callable[[Array, Mapping[str, float]], Array]
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Formula:
+class Formula:
     """A lens model of a program.
 
     Attributes
@@ -511,6 +428,19 @@ class _Formula:
         """Return the map from ideal points to measured ones, by values in the program's order."""
         by_role = dict(zip(self.roles, values, strict=True))
         return lambda points: points + self.effects(points, by_role)
+
+    def lens(
+        self, values: Sequence[float], hole: Pinhole, size: tuple[int, int], wrong: Wrong
+    ) -> Lens:
+        """Return the lens of values, a pinhole and an image's width and height."""
+        return Lens(
+            width_px=size[0],
+            height_px=size[1],
+            hole=hole,
+            distortion=self.distortion(values),
+            is_fisheye=self.is_fisheye,
+            wrong=wrong,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -567,27 +497,9 @@ class Lens:
         return np.array([[1.0, self.skew[0]], [self.skew[1], 1.0]])
 
     def nearest(self, name: str, pixel_mm: float) -> tuple[Camera, Left]:
-        """Return the camera that is nearest over the whole image, and its distances: `camera_of`.
-
-        Parameters
-        ----------
-        name : str
-            Of the camera.
-        pixel_mm : float
-
-        Raises
-        ------
-        ValueError
-            Where a pixel has no ray ahead, or for values that no Camera has.
-        """
-        return camera_of(
-            self.ideal,
-            self.hole,
-            name=name,
-            width_px=self.width_px,
-            height_px=self.height_px,
-            pixel_mm=pixel_mm,
-        )
+        """Return the camera that is nearest over the whole image, as `camera_of`."""
+        size = {"width_px": self.width_px, "height_px": self.height_px}
+        return camera_of(self.ideal, self.hole, name=name, pixel_mm=pixel_mm, **size)
 
     def refitted(self, name: str, pixel_um: float | None = None) -> Refitted:
         """Return the camera that is nearest over the whole image.
@@ -755,10 +667,10 @@ def fisheye(
     )
 
 
-def _formula(row: str, effects: Effects = effects) -> _Formula:
+def _formula(row: str, effects: Effects = effects) -> Formula:
     """Return the model of a row: names, with `=role` where the role has another name."""
     cells = [cell.partition("=") for cell in row.split() if cell != FISHEYE]
-    return _Formula(
+    return Formula(
         names=tuple(name for name, _, _ in cells),
         roles=tuple(role or name for name, _, role in cells),
         is_fisheye=row.startswith(FISHEYE),

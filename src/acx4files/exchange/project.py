@@ -8,11 +8,12 @@ points. Pixels, camera axes and units are the library's; the frame w is any Cart
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from inspect import Signature, signature
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar, get_type_hints
 
 import numpy as np
 
@@ -20,10 +21,11 @@ from acx4files.exchange import coordinates
 from acx4files.exchange.coordinates import stacked
 from acx4files.exchange.flight_folder import ImportedFlight, number_of
 from acx4files.exchange.lens import NOMINAL_UM, WARNED_PX, WORST_PX, Lens, Refitted, too_far
+from acx4files.exchange.options import Allow, BlockOfProject, PixelUmOfProject
 from acx4files.exchange.safe import Opened, checksums, refusal
 from acx4files.flight.problems import quoted
 from acx4files.flight.table_files import Columns
-from acx4files.flight.tables import faulty
+from acx4files.flight.tables import name_fault
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera
@@ -33,11 +35,20 @@ from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import (
     LOCAL,
     GridSystem,
-    MappingFrame,
     mean_origin,
     rotation_enu_to_ecef,
 )
 from acx4lib.geometry.intersection import intersect
+
+
+class Place(Protocol):
+    """A place in a file: an element, a node, a line."""
+
+    def wrong(self, found: str, expected: str, /) -> FlightError:
+        """Return the error that says what is wrong there."""
+
+
+P = TypeVar("P", bound=Place)
 
 MEANS_NOTHING = (
     "The trajectory is what the program adjusted, camera and body being one: the boresight and "
@@ -49,11 +60,19 @@ START_VALUES = (
     "they are start values without sigma, and nothing observes them"
 )
 
+NOWHERE = np.full(3, np.nan)
+
 SHOWN = 8
 """Number of lenses that have a sentence each; more of them have a table in import.md."""
 
-InGrid = Callable[[Pose], tuple[Array, Array]]
-"""From poses in w to east, north, height (m) and omega, phi, kappa (rad) in the flight's grid."""
+InGrid = Callable[[Pose], tuple[Array, Array]] | FlightError
+"""From poses in w to east, north, height (m) and omega, phi, kappa (rad) in the flight's grid; an
+error where the place of w is not known."""
+
+
+def as_they_are(T: Pose) -> tuple[Array, Array]:
+    """Return poses in w as those of a flight on no map."""
+    return T.r, T.opk
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,6 +94,11 @@ class Images:
     exposures: tuple[str, ...] = ()
     T_w_c: Pose = field(default_factory=lambda: stacked([]))
     enabled: Mask | None = None
+
+    @property
+    def used(self) -> Mask:
+        """Whether the program uses each image."""
+        return np.ones(len(self.names), dtype=bool) if self.enabled is None else self.enabled
 
     @property
     def oriented(self) -> Mask:
@@ -109,8 +133,7 @@ class Measured:
     ) -> Measured:
         """Return measurements from image, point and pixel of each, and places of points, if any."""
         points, point_idx = first_use([point for _, point, _ in seen])
-        unknown = np.full(3, np.nan)
-        x_w = None if places is None else [places.get(point, unknown) for point in points]
+        x_w = None if places is None else [places.get(point, NOWHERE) for point in points]
         return cls(
             points=tuple(points),
             x_w=None if x_w is None else np.array(x_w, dtype=float).reshape(-1, 3),
@@ -119,7 +142,11 @@ class Measured:
             colrow=np.array([pixel for _, _, pixel in seen], dtype=float).reshape(-1, 2),
         )
 
-    def where(self, rows: Mask | Index) -> Measured:
+    def where(self, images: Mask) -> Measured:
+        """Return the measurements in some of the images."""
+        return self.some(images[self.image_idx])
+
+    def some(self, rows: Mask | Index) -> Measured:
         """Return some of the measurements."""
         return replace(
             self,
@@ -131,11 +158,10 @@ class Measured:
 
 def joined(*parts: Measured) -> Measured:
     """Return measurements of different points as one value."""
-    first = np.cumsum([0, *(len(part.points) for part in parts)])
-    nowhere_known = [np.full((len(part.points), 3), np.nan) for part in parts]
-    places = [n if o.x_w is None else o.x_w for n, o in zip(nowhere_known, parts, strict=True)]
     if not parts:
         return Measured()
+    first = np.cumsum([0, *(len(part.points) for part in parts)])
+    places = [np.full((len(o.points), 3), np.nan) if o.x_w is None else o.x_w for o in parts]
     return Measured(
         points=tuple(point for part in parts for point in part.points),
         x_w=np.concatenate(places),
@@ -222,9 +248,11 @@ class Project:
     control : Control or None
     settings : mapping
         Keys of flight.toml but cameras.
-    in_grid : callable or None
-        The map of poses in w into the grid; it raises a FlightError where the place of w is not
-        known. None where the frames of a program never have a place on the Earth.
+    orientations : {"initial", "adjusted", "none"}
+        The trajectory: what was measured of the cameras, what the program adjusted, or none. Images
+        whose exposures it has not are left out.
+    in_grid : callable or FlightError
+        As `InGrid`.
     placed : tuple of str
         What is assumed where `in_grid` is used.
     trajectory : Trajectory
@@ -246,7 +274,8 @@ class Project:
     proofs: tuple[Proof, ...] = ()
     control: Control | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
-    in_grid: InGrid | None = None
+    orientations: str = "none"
+    in_grid: InGrid = as_they_are
     placed: tuple[str, ...] = ()
     trajectory: Trajectory = field(default_factory=Trajectory)
     lost: Mapping[str, int] = field(default_factory=dict)
@@ -259,7 +288,6 @@ class Project:
 def flight_of(
     project: Project,
     *,
-    orientations: str = "none",
     block: str | None = None,
     pixel_um: float | None = None,
     allow: float = WORST_PX,
@@ -269,9 +297,6 @@ def flight_of(
     Parameters
     ----------
     project : Project
-    orientations : {"initial", "adjusted", "none"}
-        The trajectory: what was measured of the cameras, what the program adjusted, or none. Images
-        whose exposures it has not are left out.
     block : str, optional
         Name of the block; by default heads where several images have one exposure, else
         calibration.
@@ -285,25 +310,55 @@ def flight_of(
     FlightError
         Where no camera of a flight is like a lens, or adjusted orientations have no place.
     """
+    images, control, enabled = project.images, project.control, project.images.used
     fitted, unfit = _refitted(project, pixel_um, allow)
-    flown = _flown(project, orientations)
-    kept = _kept(project, fitted, flown)
-    images, measured = project.images, project.measured
-    inside = measured.where(kept[measured.image_idx])
-    used = {images.cameras[i] for i in np.flatnonzero(kept)} or set(fitted)
-    fitted = {name: refitted for name, refitted in fitted.items() if name in used}
+    flown = _flown(project)
+    known = {*fitted, *project.sensors} if project.lenses else {*images.cameras}
+    kept = enabled & np.array([name in known for name in images.cameras], dtype=bool)
+    unflown = np.zeros(len(kept), dtype=bool)
+    if flown.table is not None:
+        exposures = set(flown.table["exposure"])
+        unflown = np.array([name not in exposures for name in images.exposures], dtype=bool)
+        kept &= ~unflown
+    rows, inside = np.flatnonzero(kept).tolist(), project.measured.where(kept)
+    listed = {
+        "image": [images.names[i] for i in rows],
+        "camera": [images.cameras[i] for i in rows],
+        "exposure": [images.exposures[i] for i in rows],
+    }
+    seen = {
+        "image": [images.names[i] for i in inside.image_idx],
+        "point": [inside.points[k] for k in inside.point_idx],
+        **columns("col_px row_px", inside.colrow),
+    }
+    if rows:
+        fitted = {name: lens for name, lens in fitted.items() if name in listed["camera"]}
     cameras = {name: dict(sensor) for name, sensor in project.sensors.items()}
     cameras |= {name: refitted.table for name, refitted in fitted.items()}
-    settings = {key: value for key, value in project.settings.items() if key != "apriori"}
+    settings = dict(project.settings)
+    apriori = settings.pop("apriori", None)
     settings |= {"cameras": cameras} if cameras or not settings else {}
-    settings |= {key: project.settings[key] for key in ("apriori",) if project.settings.get(key)}
-    exposures = [images.exposures[i] for i in np.flatnonzero(kept)]
-    folder = block or ("heads" if len(set(exposures)) < len(exposures) else "calibration")
+    settings |= {"apriori": apriori} if apriori else {}
+    is_rig = len({*listed["exposure"]}) < len(rows)
+    folder = block or ("heads" if is_rig else "calibration")
+    lost = {
+        **project.lost,
+        "images that are switched off": int((~enabled).sum()),
+        "images whose exposures are not in the trajectory": int((enabled & unflown).sum()),
+        "measurements in images that are left out": len(project.measured.colrow)
+        - len(inside.colrow),
+    }
+    tables: dict[str, Columns | None] = {
+        f"{folder}/images.csv": listed if rows and all(images.cameras) else None,
+        f"{folder}/image_points.csv": seen if len(inside.colrow) else None,
+        "control_points.csv": _control_table(control) if control and control.names else None,
+        f"{folder}/trajectory.csv": flown.table,
+    }
     return ImportedFlight(
         source=project.source,
         sha256=checksums(project.sources),
         settings=settings,
-        tables=_tables(project, folder, kept, inside, flown),
+        tables={name: table for name, table in tables.items() if table is not None},
         warnings=tuple(
             f"the lens of {name} differs from the program's by {refitted.left}"
             for name, refitted in fitted.items()
@@ -311,16 +366,15 @@ def flight_of(
         ),
         assumed=(*project.assumed, *_sizes(project, fitted, pixel_um), *flown.assumed),
         found=(
-            *_counted(project, kept, inside),
+            *_counted(project, listed, int(images.oriented[kept].sum()), inside),
             *project.found,
             *flown.found,
-            *_kinds(project, fitted),
-            *_of_lenses(fitted),
+            *_of_lenses(project, fitted),
             *_proved(project, {name: refitted.camera for name, refitted in fitted.items()}),
         ),
         lenses=[refitted.row for refitted in fitted.values()] if len(fitted) > SHOWN else (),
         left_out=(
-            *_lost(project, kept, flown),
+            *(f"{n} {words}" for words, n in lost.items() if n),
             *unfit,
             *project.left_out,
             *flown.left_out,
@@ -328,26 +382,36 @@ def flight_of(
     )
 
 
-def nowhere(error: FlightError) -> InGrid:
-    """Return the map into the grid of a frame without a place: it raises an error."""
+def reader(
+    read_project: Callable[..., Project], common: Sequence[str] = ("block", "pixel_um", "allow")
+) -> Callable[..., ImportedFlight]:
+    """Return the reader of a program's files: with its own options, and some of `flight_of`."""
 
-    def in_grid(_: Pose) -> tuple[Array, Array]:
-        raise error
+    def read(
+        source: Path,
+        *,
+        block: BlockOfProject = None,
+        pixel_um: PixelUmOfProject = None,
+        allow: Allow = WORST_PX,
+        **own: Any,
+    ) -> ImportedFlight:
+        found = read_project(source, **own)
+        return flight_of(found, block=block, pixel_um=pixel_um, allow=allow)
 
-    return in_grid
-
-
-def as_they_are(T: Pose) -> tuple[Array, Array]:
-    """Return poses in w as those of a flight on no map."""
-    return T.r, T.opk
+    hints = get_type_hints(read, include_extras=True)
+    of_flight = [signature(read).parameters[name] for name in common]
+    parameters = [*signature(read_project).parameters.values(), *of_flight]
+    read.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    read.__annotations__ = hints | get_type_hints(read_project, include_extras=True)
+    read.__doc__ = read_project.__doc__
+    return read
 
 
 def numbered(lenses: Iterable[Hashable]) -> dict[Any, str]:
     """Return names of cameras that a program has no names for, by their lenses."""
     different = list(dict.fromkeys(lenses))
-    return {
-        lens: "CAM" if len(different) == 1 else f"CAM{k}" for k, lens in enumerate(different, 1)
-    }
+    names = ["CAM"] if len(different) == 1 else [f"CAM{k + 1}" for k in range(len(different))]
+    return dict(zip(different, names, strict=True))
 
 
 def in_crs(source: Path, crs: str | None) -> InGrid:
@@ -361,11 +425,11 @@ def in_crs(source: Path, crs: str | None) -> InGrid:
     """
     if crs is None:
         fault = "adjusted orientations are in coordinates whose CRS the files do not say"
-        return nowhere(refusal(str(source), 1, "crs", fault, "give it by --crs"))
+        return refusal(str(source), 1, "crs", fault, "give it by --crs")
     try:
         coordinates.chosen("", None, crs)
     except ValueError as error:
-        return nowhere(refusal(str(source), 1, "crs", str(error), "must be projected, in metres"))
+        return refusal(str(source), 1, "crs", str(error), "must be projected, in metres")
     return as_they_are
 
 
@@ -373,200 +437,111 @@ def _refitted(
     project: Project, pixel_um: float | None, allow: float
 ) -> tuple[dict[str, Refitted], tuple[str, ...]]:
     """Return the cameras of all images, and sentences on cameras that no flight can have."""
-    enabled = project.images.enabled
-    cameras = [n for i, n in enumerate(project.images.cameras) if enabled is None or enabled[i]]
-    used, fitted, unfit = set(cameras) or set(project.lenses), {}, []
-    for name, lens in project.lenses.items():
-        if name not in used:
-            continue
+    images = project.images
+    used = {images.cameras[i] for i in np.flatnonzero(images.used)} or {*project.lenses}
+    lenses = {name: lens for name, lens in project.lenses.items() if name in used}
+    fitted, unfit = dict[str, Refitted](), list[str]()
+    for name, lens in lenses.items():
         try:
             fitted[name] = lens.refitted(name, pixel_um)
         except ValueError as error:
-            if not project.may_leave_cameras:
-                expected = "must be a lens that a flight can have"
-                raise lens.wrong(f"{name}: {error}", expected) from None
+            if not project.may_leave_cameras or len(unfit) + 1 == len(lenses):
+                fault, expected = f"{name}: {error}", "must be a lens that a flight can have"
+                raise lens.wrong(fault, expected) from None
             unfit.append(f"camera and its images: {name}: {error}")
             continue
-        if (fault := too_far(fitted[name].left, allow)) is not None:
-            raise lens.wrong(f"{name}: {fault[0]}", fault[1])
-    if unfit and not fitted:
-        first = next(lens for name, lens in project.lenses.items() if name in used)
-        raise first.wrong("; ".join(unfit), "must be one that a flight can have")
+        if (fault_and_cure := too_far(fitted[name].left, allow)) is not None:
+            raise lens.wrong(f"{name}: {fault_and_cure[0]}", fault_and_cure[1])
     return fitted, tuple(unfit)
 
 
-def _flown(project: Project, orientations: str) -> Trajectory:
+def _flown(project: Project) -> Trajectory:
     """Return the trajectory that is asked for."""
     images, n = project.images, int(project.images.oriented.sum())
-    is_local = project.settings.get("crs") == LOCAL
-    if is_local and n and project.trajectory.table is None:
-        orientations = "adjusted"
-    if orientations != "adjusted":
-        trajectory = project.trajectory if orientations == "initial" else Trajectory()
-        hint = (
-            ": their coordinates are in no CRS"
-            if project.in_grid is None
-            else (" (--orientations adjusted)")
-        )
-        remarks = (f"{number_of(n, 'adjusted orientations')}{hint}",) if n else ()
-        return replace(trajectory, left_out=(*trajectory.left_out, *remarks))
+    is_local, measured = project.settings.get("crs") == LOCAL, Trajectory()
+    if project.orientations == "initial":
+        measured = project.trajectory
+    is_adjusted = project.orientations == "adjusted"
+    if not is_adjusted and not (is_local and n and project.trajectory.table is None):
+        said = f"{number_of(n, 'adjusted orientations')} (--orientations adjusted)"
+        return replace(measured, left_out=(*measured.left_out, *([said] if n else [])))
     leaders: dict[str, int] = {}
-    for i in np.flatnonzero(images.oriented).tolist():
+    for i in np.flatnonzero(images.oriented & images.used).tolist():
         exposure = images.exposures[i]
-        if (images.enabled is None or images.enabled[i]) and (
-            exposure not in leaders or images.names[i] == exposure
-        ):
+        if exposure not in leaders or images.names[i] == exposure:
             leaders[exposure] = i
-    if not images.names:
-        return Trajectory()
-    if not leaders or project.in_grid is None:
-        return Trajectory(left_out=("a trajectory: no image is oriented",))
+    if not leaders:
+        nothing = "a trajectory: no image is oriented"
+        return Trajectory(left_out=(nothing,) if images.names else ())
+    if isinstance(project.in_grid, FlightError):
+        raise project.in_grid
     rows = np.array([*leaders.values()])
     T_b_c = stacked([project.lenses[images.cameras[i]].mount for i in rows])
-    enh, opk = project.in_grid(images.T_w_c[rows] @ T_b_c.inverse)
     return Trajectory(
-        table=trajectory_in_grid(list(leaders), enh, opk),
+        table=trajectory_in_grid(
+            list(leaders), *project.in_grid(images.T_w_c[rows] @ T_b_c.inverse)
+        ),
         assumed=(*project.placed, START_VALUES if is_local else MEANS_NOTHING),
         found=(f"{number_of(len(leaders), 'adjusted orientations')}",),
     )
 
 
-def _kept(project: Project, fitted: Mapping[str, Refitted], flown: Trajectory) -> Mask:
-    """Return the images that are part of the flight."""
-    images = project.images
-    known = {*fitted, *project.sensors} if project.lenses else {*images.cameras}
-    kept = np.array([name in known for name in images.cameras], dtype=bool)
-    if images.enabled is not None:
-        kept &= images.enabled
-    if flown.table is not None:
-        exposures = set(flown.table["exposure"])
-        kept &= np.array([name in exposures for name in images.exposures], dtype=bool)
-    return kept
-
-
-def _tables(
-    project: Project, folder: str, kept: Mask, measured: Measured, flown: Trajectory
-) -> dict[str, Columns]:
-    images, rows = project.images, np.flatnonzero(kept).tolist()
-    made: dict[str, Columns] = {}
-    if rows and all(images.cameras):
-        listed = (
-            [names[i] for i in rows] for names in (images.names, images.cameras, images.exposures)
-        )
-        made[f"{folder}/images.csv"] = _images(*listed)
-    if len(measured.colrow):
-        made[f"{folder}/image_points.csv"] = image_points(
-            [images.names[i] for i in measured.image_idx],
-            [measured.points[k] for k in measured.point_idx],
-            measured.colrow,
-        )
-    if project.control is not None and project.control.names:
-        made["control_points.csv"] = _control_table(project.control)
-    if flown.table is not None:
-        made[f"{folder}/trajectory.csv"] = flown.table
-    return made
-
-
-def _images(
-    names: Sequence[str], cameras: Sequence[str], exposures: Sequence[str]
-) -> dict[str, list[str]]:
-    """Return the table images.csv."""
-    return {"image": list(names), "camera": list(cameras), "exposure": list(exposures)}
-
-
 def _control_table(control: Control) -> dict[str, list[Any]]:
-    names = ("east_m", "north_m", "height_m")
-    columns: dict[str, list[Any]] = {"point": list(control.names)}
-    columns |= dict(zip(names, np.round(control.enh, METRES).T.tolist(), strict=True))
+    table = {"point": list(control.names)} | columns("east_m north_m height_m", control.enh)
     if control.sigma is not None:
-        for name, sigma in zip(names, np.round(control.sigma, METRES).T, strict=True):
-            if (sigma > 0).all():
-                columns[f"sigma_{name}"] = sigma.tolist()
+        sigmas = columns("sigma_east_m sigma_north_m sigma_height_m", control.sigma)
+        table |= {name: sigma for name, sigma in sigmas.items() if min(sigma) > 0}
     if control.is_check is not None:
-        columns["role"] = ["check" if is_check else "control" for is_check in control.is_check]
-    return columns
+        table["role"] = ["check" if is_check else "control" for is_check in control.is_check]
+    return table
 
 
 def _sizes(
     project: Project, fitted: Mapping[str, Refitted], pixel_um: float | None
-) -> tuple[str, ...]:
-    """Return a sentence on the pixel size assumed for cameras that have none in any file."""
+) -> Iterator[str]:
+    """Yield a sentence on the pixel size assumed for cameras that have none in any file."""
     nominal = [name for name in fitted if not project.lenses[name].pixel_um]
-    if not nominal or pixel_um is not None:
-        return ()
-    return (
-        f"Pixels of {', '.join(nominal)}: {NOMINAL_UM:g} µm, since no file says it; only "
-        "millimetres depend on it (--pixel-um)",
-    )
+    if nominal and pixel_um is None:
+        said = f"Pixels of {', '.join(nominal)}: {NOMINAL_UM:g} µm, since no file says it"
+        yield f"{said}; only millimetres depend on it (--pixel-um)"
 
 
-def _counted(project: Project, kept: Mask, measured: Measured) -> tuple[str, ...]:
-    """Return sentences on the numbers of images, measurements and surveyed points."""
-    images, control, sentences = project.images, project.control, []
-    if kept.any():
-        rows = np.flatnonzero(kept)
-        exposures = number_of(len({images.exposures[i] for i in rows}), "exposures")
-        cameras = {images.cameras[i] for i in rows} - {""}
+def _counted(
+    project: Project, listed: Mapping[str, Sequence[str]], n_oriented: int, measured: Measured
+) -> Iterator[str]:
+    """Yield sentences on the numbers of images, measurements and surveyed points."""
+    n, exposures, cameras = len(listed["image"]), {*listed["exposure"]}, {*listed["camera"]} - {""}
+    if n:
         by = f" by {number_of(len(cameras), 'cameras')}" if cameras else ""
-        sentences.append(
-            f"{number_of(len(rows), 'images')} of {exposures}{by}, "
-            f"{int(images.oriented[rows].sum())} of them oriented"
-        )
-    points = {measured.points[k] for k in measured.point_idx}
+        of = f"{number_of(n, 'images')} of {number_of(len(exposures), 'exposures')}"
+        yield f"{of}{by}, {n_oriented} of them oriented"
+    points, control = {measured.points[k] for k in measured.point_idx}, project.control
     if points:
-        sentences.append(
-            f"{number_of(len(measured.colrow), 'measurements')} of "
-            f"{number_of(len(points), 'points')}"
-        )
+        n_measured = number_of(len(measured.colrow), "measurements")
+        yield f"{n_measured} of {number_of(len(points), 'points')}"
     if control is not None and control.names:
-        n_measured = len(points.intersection(control.names))
-        checks = sum(control.is_check or ())
-        of_them = f"{n_measured} of them measured" + (f", {checks} check points" if checks else "")
-        sentences.append(f"{number_of(len(control.names), 'surveyed points')}, {of_them}")
-    return tuple(sentences)
+        seen, checks = len(points.intersection(control.names)), sum(control.is_check or ())
+        of_them = f"{seen} of them measured" + (f", {checks} check points" if checks else "")
+        yield f"{number_of(len(control.names), 'surveyed points')}, {of_them}"
 
 
-def _kinds(project: Project, fitted: Mapping[str, Refitted]) -> tuple[str, ...]:
-    """Return sentences on the kind of each camera's calibration, and other remarks."""
+def _of_lenses(project: Project, fitted: Mapping[str, Refitted]) -> Iterator[str]:
+    """Yield a sentence for each kind of calibration, each remark and each lens; one for many."""
     kinds: dict[str, list[str]] = {}
     for name in fitted:
         if kind := project.lenses[name].kind:
             kinds.setdefault(kind, []).append(name)
-    remarks = (project.lenses[name].remark for name in fitted)
-    return (
-        *(f"calibration of {'; '.join(names)}: {kind}" for kind, names in kinds.items()),
-        *(remark for remark in remarks if remark),
-    )
-
-
-def _of_lenses(fitted: Mapping[str, Refitted]) -> tuple[str, ...]:
-    """Return a sentence for each lens, or one for many."""
+    yield from (f"calibration of {'; '.join(names)}: {kind}" for kind, names in kinds.items())
+    yield from (remark for name in fitted if (remark := project.lenses[name].remark))
     if len(fitted) <= SHOWN:
-        return tuple(refitted.said for refitted in fitted.values())
+        yield from (refitted.said for refitted in fitted.values())
+        return
     f = [refitted.camera.interior.f / refitted.camera.pixel_mm for refitted in fitted.values()]
     name, worst = max(fitted.items(), key=lambda item: item[1].left.largest_px)
-    return (
+    yield (
         f"{len(fitted)} lenses, f {min(f):.2f} to {max(f):.2f} px; refitted as Brown's model they "
-        f"differ by {worst.left} ({name}), or less: import.md lists them",
+        f"differ by {worst.left} ({name}), or less: import.md lists them"
     )
-
-
-def _lost(project: Project, kept: Mask, flown: Trajectory) -> tuple[str, ...]:
-    """Return sentences with the numbers of images, measurements and others that are left out."""
-    images = project.images
-    enabled = np.ones(len(kept), dtype=bool) if images.enabled is None else images.enabled
-    without = 0
-    if flown.table is not None:
-        exposures = set(flown.table["exposure"])
-        without = sum(images.exposures[i] not in exposures for i in np.flatnonzero(enabled))
-    outside = int((~kept[project.measured.image_idx]).sum())
-    counted = {
-        **project.lost,
-        "images that are switched off": int((~enabled).sum()),
-        "images whose exposures are not in the trajectory": without,
-        "measurements in images that are left out": outside,
-    }
-    return tuple(f"{n} {words}" for words, n in counted.items() if n)
 
 
 def _proved(project: Project, cameras: Mapping[str, Camera]) -> tuple[str, ...]:
@@ -581,10 +556,10 @@ def _proved(project: Project, cameras: Mapping[str, Camera]) -> tuple[str, ...]:
 def _said(images: Images, cameras: Mapping[str, Camera], proof: Proof) -> str:
     whose, measured = proof.whose, proof.measured
     known = np.array([name in cameras for name in images.cameras], dtype=bool) & images.oriented
-    rows: Mask = np.asarray(known[measured.image_idx])
+    usable = measured.where(known)
     if measured.x_w is not None:
-        rows = rows & np.isfinite(measured.x_w[measured.point_idx]).all(axis=1)
-    usable = measured.where(rows)
+        has_place = np.asarray(np.isfinite(measured.x_w).all(axis=1))
+        usable = usable.some(has_place[usable.point_idx])
     if not len(usable.colrow):
         return ""
     names = np.array([images.cameras[i] for i in usable.image_idx])
@@ -658,14 +633,17 @@ def _said_of(apart: Array) -> str:
 # --- Tables of a flight, with the digits that their numbers need, and names that it may have
 
 
-PIXELS, METRES, DEGREES = 4, 5, 9
-"""Decimals of pixels, metres, degrees."""
+DECIMALS = {"px": 4, "m": 5, "deg": 9}
+"""Of numbers by their units; latitude and longitude have one more."""
 
 
-def image_points(image: Sequence[str], point: Sequence[str], colrow: Array) -> Columns:
-    """Return the table image_points.csv; `colrow`, shape (n, 2), in the library's pixels."""
-    cols, rows = np.round(colrow, PIXELS).T.tolist() if len(colrow) else ([], [])
-    return {"image": list(image), "point": list(point), "col_px": cols, "row_px": rows}
+def columns(names: str, values: Array) -> dict[str, list[Any]]:
+    """Return columns of a table, named with their units, of values, shape (n, n_names)."""
+    decimals = {name: DECIMALS[name.rpartition("_")[2]] for name in names.split()}
+    return {
+        name: np.round(column, n + (name in ("lat_deg", "lon_deg"))).tolist()
+        for (name, n), column in zip(decimals.items(), values.T, strict=True)
+    }
 
 
 def trajectory_in_grid(exposures: Sequence[str], enh: Array, opk: Array) -> dict[str, list[Any]]:
@@ -679,69 +657,33 @@ def trajectory_in_grid(exposures: Sequence[str], enh: Array, opk: Array) -> dict
     opk : ndarray, shape (n, 3)
         The body's, against the grid, radians.
     """
-    east, north, height = np.round(enh, METRES).T.tolist()
-    omega, phi, kappa = np.round(np.degrees(opk), DEGREES).T.tolist()
-    return {
-        "exposure": list(exposures),
-        "east_m": east,
-        "north_m": north,
-        "height_m": height,
-        "omega_deg": omega,
-        "phi_deg": phi,
-        "kappa_deg": kappa,
-    }
+    names = "east_m north_m height_m omega_deg phi_deg kappa_deg"
+    values = np.column_stack([enh, np.degrees(opk)])
+    return {"exposure": list(exposures), **columns(names, values)}
 
 
 def grid_poses_of_ecef(grid: GridSystem, T_e_b: Pose) -> tuple[Array, Array]:
     """Return east, north, height (m) and omega, phi, kappa (rad) of poses in the ECEF frame."""
-    lonlat = grid.geographic_from_ecef(T_e_b.r)[:, :2]
-    frame = mean_origin(grid, lonlat)
-    return frame.pose_to_grid(_in_frame(frame, T_e_b))
-
-
-def _in_frame(frame: MappingFrame, T_e_b: Pose) -> Pose:
-    """Return poses in the ECEF frame as those in a mapping frame."""
+    geographic = grid.geographic_from_ecef(T_e_b.r)
+    frame = mean_origin(grid, geographic[:, :2])
     R_e_m = rotation_enu_to_ecef(np.asarray(frame.origin)[None])[0]
-    x_m = frame.from_geographic(frame.grid.geographic_from_ecef(T_e_b.r))
-    return Pose(R=R_e_m.T @ T_e_b.R, r=x_m)
+    return frame.pose_to_grid(Pose(R=R_e_m.T @ T_e_b.R, r=frame.from_geographic(geographic)))
 
 
-def require_names(names: Sequence[str], wrong: Callable[[str, str, str], FlightError]) -> None:
+def require_names(names: Iterable[str], wrong: Callable[[str, str], FlightError]) -> None:
     """Raise for the first name that no flight may use.
 
     Parameters
     ----------
-    names : sequence of str
+    names : iterable of str
     wrong : callable
-        From the name, what is wrong with it and what was expected, to the error.
+        From what is wrong and what was expected to the error.
     """
-    if "" in names:
-        raise wrong("", "is empty", "must be a name")
-    for name, (fault, expected) in faulty(list(dict.fromkeys(names))).items():
-        raise wrong(name, fault, expected)
-
-
-def require_all_names(
-    kinds: Mapping[str, Sequence[str]], wrong: Callable[[str, str, str], FlightError]
-) -> None:
-    """Raise for the first name that no flight may use.
-
-    Parameters
-    ----------
-    kinds : mapping of str to sequence of str
-        Names by what they are of: "image", "point".
-    wrong : callable
-        From what they are of, what is wrong and what was expected, to the error.
-    """
-    for kind, names in kinds.items():
-        require_names(names, naming(partial(wrong, kind)))
-
-
-def naming(wrong: Callable[[str, str], FlightError]) -> Callable[[str, str, str], FlightError]:
-    """Return the error for `require_names` from that of a place, by which the name must be said."""
-    return lambda name, fault, expected: wrong(
-        fault if name in fault else f"{quoted(name)} {fault}", expected
-    )
+    for name in dict.fromkeys(names):
+        fault = name_fault(name) if name else ("is empty", "must be a name")
+        if fault is not None:
+            said = fault[0] if name in fault[0] else f"{quoted(name)} {fault[0]}"
+            raise wrong(said, fault[1])
 
 
 def first_use(names: Sequence[str]) -> tuple[list[str], Index]:
@@ -752,8 +694,26 @@ def first_use(names: Sequence[str]) -> tuple[list[str], Index]:
 
 def without_doubles(names: Sequence[str], ids: Sequence[object]) -> tuple[list[str], int]:
     """Return names, those that occur twice with the program's own number, and their count."""
-    counts: dict[str, int] = {}
-    for name in names:
-        counts[name] = counts.get(name, 0) + 1
-    new = [f"{name}#{i}" if counts[name] > 1 else name for name, i in zip(names, ids, strict=True)]
-    return new, sum(n for n in counts.values() if n > 1)
+    often = Counter(names)
+    new = [f"{name}#{i}" if often[name] > 1 else name for name, i in zip(names, ids, strict=True)]
+    return new, sum(n for n in often.values() if n > 1)
+
+
+def by_id(places: Iterable[tuple[str, P]]) -> dict[str, P]:
+    """Return places of a file by their ids, which must be unique."""
+    found: dict[str, P] = {}
+    for i, place in places:
+        if found.setdefault(i, place) is not place:
+            raise place.wrong(f"{quoted(i)} is there twice", "must be unique")
+    return found
+
+
+def named(places: Mapping[str, P], labels: Sequence[str]) -> tuple[dict[str, str], int]:
+    """Return names that a flight may use by ids, and how many labels stand twice.
+
+    Ids stand behind these.
+    """
+    names, doubled = without_doubles(labels, list(places))
+    for name, place in zip(names, places.values(), strict=True):
+        require_names([name], place.wrong)
+    return dict(zip(places, names, strict=True)), doubled

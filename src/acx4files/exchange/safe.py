@@ -10,17 +10,17 @@ import csv
 import hashlib
 import io
 import json
-import math
 import re
 import struct
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, cast
+from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
 import numpy as np
@@ -30,6 +30,9 @@ from acx4files.flight.problems import Problem, Range, quoted
 from acx4files.flight.tables import numbers_of
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
+
+LARGEST = float(np.finfo(float).max)
+FINITE = Range(-LARGEST, LARGEST, "must be a finite number, decimal point")
 
 TEXT_MARKS = (b"\xff\xfe", b"\xfe\xff")
 """Byte-order marks of UTF-16, which spreadsheets on Windows write."""
@@ -112,12 +115,10 @@ def read(path: Path) -> Opened:
         Where it is not there, no regular file, or empty.
     """
     try:
-        if not path.is_file():
-            fault = "is no file" if path.exists() else "is not there"
-            raise refusal(str(path), 1, "file", fault, "the import needs it")
         data = path.read_bytes()
     except OSError as error:
-        fault = f"cannot be read ({error.strerror})"
+        why = {FileNotFoundError: "is not there", IsADirectoryError: "is no file"}
+        fault = why.get(type(error), f"cannot be read ({error.strerror})")
         raise refusal(str(path), 1, "file", fault, "the import needs it") from None
     if not data:
         raise refusal(str(path), 1, "file", "is empty", "must have content")
@@ -152,13 +153,6 @@ def checksums(sources: Iterable[Opened]) -> dict[str, str]:
     return {source.name: source.sha256 for source in sources}
 
 
-UNREADABLE = (
-    *(zipfile.BadZipFile, zlib.error, struct.error),
-    *(NotImplementedError, RuntimeError, OSError, EOFError, ValueError),
-)
-"""Errors of `zipfile` for damaged archives."""
-
-
 def member(source: Opened, name: str) -> Opened:
     """Return a member of a ZIP archive, read in memory.
 
@@ -179,27 +173,19 @@ def member(source: Opened, name: str) -> Opened:
             data = archive.read(name)
     except KeyError:
         raise source.wrong("archive", f"has no member {name!r}", "required") from None
-    except UNREADABLE as error:
-        reason = str(error).split("\n")[0] or type(error).__name__
-        fault = f"is no ZIP archive that can be read ({reason})"
+    except (zipfile.BadZipFile, zlib.error, RuntimeError, EOFError, ValueError) as error:
+        fault = f"is no ZIP archive that can be read ({str(error) or type(error).__name__})"
         raise source.wrong("archive", fault, "must be a whole ZIP archive") from None
     return Opened(file=f"{source.file}/{name}", data=data)
 
 
-def _number(text: str, allowed: Range | None, wrong: Callable[[str, str], FlightError]) -> float:
-    """Return a finite number, inside a range if one is given."""
+def _number(text: str, allowed: Range, wrong: Callable[[str, str], FlightError]) -> float:
+    """Return a finite number inside a range."""
     value = float(numbers_of([text])[0])
-    if not math.isfinite(value):
-        raise wrong(quoted(text), "must be a finite number, decimal point")
-    if allowed is not None and value not in allowed:
-        raise wrong(quoted(text), str(allowed))
+    for rule in (FINITE, allowed):
+        if value not in rule:
+            raise wrong(quoted(text), str(rule))
     return value
-
-
-def _whole(text: str, wrong: Callable[[str, str], FlightError]) -> int:
-    if not re.fullmatch(r"\s*[+-]?\d{1,18}\s*", text, re.ASCII):
-        raise wrong(quoted(text), "must be a whole number")
-    return int(text)
 
 
 # --- Text, cut into cells
@@ -241,23 +227,23 @@ class Line:
             raise self.wrong(element, fault, f"must be cell {k + 1}")
         return self.cells[k]
 
-    def number_at(self, k: int, element: str, allowed: Range | None = None) -> float:
-        """Return a cell as a finite number, inside a range if one is given."""
+    def number_at(self, k: int, element: str, allowed: Range = FINITE) -> float:
+        """Return a cell as a finite number inside a range."""
         return _number(self.cell(k, element), allowed, partial(self.wrong, element))
 
     def whole_at(self, k: int, element: str) -> int:
         """Return a cell as a whole number."""
-        return _whole(self.cell(k, element), partial(self.wrong, element))
+        text = self.cell(k, element)
+        if not re.fullmatch(r"[+-]?\d{1,18}", text, re.ASCII):
+            raise self.wrong(element, quoted(text), "must be a whole number")
+        return int(text)
 
-    def numbers(
-        self, first: int, last: int | None, element: str, allowed: Range | None = None
-    ) -> Array:
+    def numbers(self, first: int, last: int | None, element: str, allowed: Range = FINITE) -> Array:
         """Return the cells from `first` to before `last` as finite numbers in a range."""
         if last is not None:
             self.cell(last - 1, element)
         values = numbers_of(self.cells[first:last])
-        low, high = (-np.inf, np.inf) if allowed is None else (allowed.low, allowed.high)
-        good = (values >= low) & (values <= high) & np.isfinite(values)
+        good = (values >= allowed.low) & (values <= allowed.high)
         if not good.all():
             self.number_at(first + int(np.argmin(good)), element, allowed)
         return values
@@ -329,11 +315,6 @@ class Cursor:
     source: Opened
     at: int = 0
 
-    @property
-    def left(self) -> int:
-        """Count the bytes that follow."""
-        return len(self.source.data) - self.at
-
     def take(self, layout: str, element: str) -> tuple[Any, ...]:
         """Return the next values, by a layout of `struct`; `element` is their name in messages."""
         begin = self._skip(struct.calcsize(layout), element)
@@ -347,10 +328,7 @@ class Cursor:
     def text(self, element: str) -> str:
         """Return the next text, which a null byte ends."""
         end = self.source.data.find(b"\0", self.at)
-        if end < 0:
-            fault = f"text at byte {self.at} has no end"
-            raise self.source.wrong(element, fault, "must end with a null byte")
-        begin = self._skip(end + 1 - self.at, element)
+        begin = self._skip(end + 1 - self.at if end >= 0 else -1, element)
         try:
             return self.source.data[begin:end].decode("utf-8")
         except UnicodeDecodeError:
@@ -358,8 +336,9 @@ class Cursor:
 
     def _skip(self, size: int, element: str) -> int:
         """Move on, and return where that began."""
-        if not 0 <= size <= self.left:
-            fault = f"at byte {self.at}: {max(size, 0)} bytes, {self.left} are left"
+        left = len(self.source.data) - self.at
+        if not 0 <= size <= left:
+            fault = f"at byte {self.at}: {left} bytes are left"
             raise self.source.wrong(element, fault, "must be complete; is the file cut off?")
         self.at += size
         return self.at - size
@@ -369,11 +348,6 @@ class Cursor:
 
 
 Key = str | int
-_LARGEST = float(np.finfo(float).max)
-
-# A string without an end goes to that of the file, so that every character is looked at once.
-_STRING = r'"(?:[^"\\]|\\.)*+"?'
-_TOKEN = re.compile(rf'{_STRING}|[\[\]{{}}:,]|[^\s\[\]{{}}:,"]++', re.DOTALL)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -393,31 +367,22 @@ class Node:
     keys: tuple[Key, ...] = ()
     value: Any = None
 
-    @property
-    def place(self) -> str:
-        """Its keys as messages name them."""
-        return ".".join(map(str, self.keys)) or "file"
-
     def wrong(self, found: str, expected: str) -> FlightError:
         """Return the error that says what is wrong with this value."""
-        line = _line(self.source.text(), self.keys)
-        return refusal(self.source.file, line, self.place, found, expected)
+        place = ".".join(map(str, self.keys)) or "file"
+        return self.source.wrong(place, found, expected, line=_line(self.source.text(), self.keys))
 
     def maybe(self, *keys: Key) -> Node | None:
         """Return the node below keys; None where it is absent or null."""
-        node = self
+        value = self.value
         for key in keys:
-            value = node.value
-            if isinstance(value, dict):
-                value = value.get(key)
-            elif isinstance(value, list) and isinstance(key, int) and key < len(value):
+            try:
                 value = value[key]
-            else:
-                value = None
-            if value is None:
+            except (KeyError, IndexError, TypeError):
                 return None
-            node = Node(source=self.source, keys=(*node.keys, key), value=value)
-        return node
+        if value is None:
+            return None
+        return replace(self, keys=(*self.keys, *keys), value=value)
 
     def one(self, *keys: Key) -> Node:
         """Return the node below keys; FlightError where it is absent or null."""
@@ -434,14 +399,19 @@ class Node:
         if not isinstance(self.value, dict):
             raise self.wrong(quoted(self.value), "must be an object")
         for key, value in self.value.items():
-            yield key, Node(source=self.source, keys=(*self.keys, key), value=value)
+            yield key, replace(self, keys=(*self.keys, key), value=value)
 
     def each(self) -> Iterator[Node]:
         """Yield the values of a list."""
         if not isinstance(self.value, list):
             raise self.wrong(quoted(self.value), "must be a list")
         for k, value in enumerate(self.value):
-            yield Node(source=self.source, keys=(*self.keys, k), value=value)
+            yield replace(self, keys=(*self.keys, k), value=value)
+
+    def all(self, *keys: Key) -> Iterator[Node]:
+        """Yield the values of a list below keys, which may be absent."""
+        listed = self.maybe(*keys)
+        yield from () if listed is None else listed.each()
 
     def text(self) -> str:
         """Return a value that must be text; a number counts as its text."""
@@ -449,32 +419,19 @@ class Node:
             raise self.wrong(quoted(self.value), "must be text")
         return str(self.value)
 
-    def number(self, allowed: Range | None = None) -> float:
-        """Return a value that must be a finite number, inside a range if one is given."""
-        value = self.value
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not is_number or not abs(value) <= _LARGEST:
-            raise self.wrong(quoted(value), "must be a finite number")
-        if allowed is not None and value not in allowed:
-            raise self.wrong(quoted(value), str(allowed))
-        return float(value)
+    def number(self, allowed: Range = FINITE) -> float:
+        """Return a value that must be a finite number inside a range."""
+        is_number = isinstance(self.value, int | float) and not isinstance(self.value, bool)
+        if not is_number or self.value not in allowed:
+            raise self.wrong(quoted(self.value), str(allowed))
+        return float(self.value)
 
-    def whole(self) -> int:
-        """Return a value that must be a whole number."""
-        value = self.number(Range(-(2.0**53), 2.0**53, "must be a whole number", whole=True))
-        return int(value)
-
-    def numbers(self, *shape: int, allowed: Range | None = None) -> Array:
-        """Return nested lists of numbers, as in `number`, as an array; a length of -1 is any."""
-        values: list[Node] = [self]
-        for n in shape:
-            for node in values:
-                if not isinstance(node.value, list) or (n >= 0 and len(node.value) != n):
-                    kind = "numbers" if n < 0 else f"{n} values"
-                    raise node.wrong(quoted(node.value), f"must be a list of {kind}")
-            values = [below for node in values for below in node.each()]
-        flat = np.array([node.number(allowed) for node in values], dtype=float)
-        return flat.reshape(shape if flat.size else [max(n, 0) for n in shape])
+    def numbers(self, n: int = -1, allowed: Range = FINITE) -> Array:
+        """Return a list of `n` numbers, as in `number`, as an array; -1 is any length."""
+        values = [node.number(allowed) for node in self.each()]
+        if n not in (-1, len(values)):
+            raise self.wrong(quoted(self.value), f"must be a list of {n} values")
+        return np.array(values, dtype=float)
 
 
 def json_tree(source: Opened) -> Node:
@@ -486,33 +443,30 @@ def json_tree(source: Opened) -> Node:
         Where it is no JSON, or nested too deep to be read.
     """
     try:
-        value = json.loads(source.text())
-    except json.JSONDecodeError as error:
-        raise source.wrong("file", error.msg, "must be valid JSON", line=error.lineno) from None
-    except RecursionError:
-        raise source.wrong("file", "is nested too deep", "must be less deep") from None
-    except ValueError as error:  # a number of too many digits
-        raise source.wrong("file", str(error).split(";")[0], "must be valid JSON") from None
-    return Node(source=source, value=value)
+        return Node(source=source, value=json.loads(source.text()))
+    except (ValueError, RecursionError) as error:  # or a number of too many digits
+        line, fault = getattr(error, "lineno", 1), getattr(error, "msg", "cannot be read")
+        raise source.wrong("file", fault, "must be valid JSON", line=line) from None
+
+
+_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*+"|[\[\]{}:,]|[^\s\[\]{}:,"]++', re.DOTALL)
 
 
 def _line(text: str, keys: tuple[Key, ...]) -> int:
     """Return the line of a value of valid JSON, by the keys that lead to it."""
     path: list[Key] = []
     tokens = list(_TOKEN.finditer(text))
-    for k, token in enumerate(tokens):
-        mark, after = token[0], tokens[k + 1][0] if k + 1 < len(tokens) else ""
-        if path and isinstance(path[-1], str) and after == ":":
+    for token, after in zip(tokens, [*tokens[1:], None], strict=True):
+        mark = token[0]
+        if path and isinstance(path[-1], str) and after and after[0] == ":":
             path[-1] = json.loads(mark)
-            if tuple(path) == keys:
-                return text.count("\n", 0, token.start()) + 1
-        elif tuple(path) == keys and mark not in ",:":
+        if tuple(path) == keys and mark not in ",:":
             return text.count("\n", 0, token.start()) + 1
         if mark in "[{":
             path.append(0 if mark == "[" else "")
-        elif mark in "]}" and path:
+        elif mark in "]}":
             path.pop()
-        elif mark == "," and path and isinstance(path[-1], int):
+        elif mark == "," and isinstance(path[-1], int):
             path[-1] += 1
     return 1
 
@@ -520,87 +474,65 @@ def _line(text: str, keys: tuple[Key, ...]) -> int:
 # --- XML as a tree whose elements know their line; without document types, entities and references
 
 
-@dataclass(kw_only=True, eq=False, slots=True)
-class Element:
-    """An element of an XML file.
+class Element(ET.Element):
+    """An element of an XML file: its text has no spaces around it.
 
     Attributes
     ----------
     file : str
     line : int
-    tag : str
-        Its name; with a name space, that and a space before it.
-    attributes : mapping of str to str
-    text : str
-        Its own text, without spaces around it.
-    below : list of Element
     """
 
     file: str
     line: int
-    tag: str
-    attributes: Mapping[str, str] = field(default_factory=dict)
-    text: str = ""
-    below: list[Element] = field(default_factory=list)
 
     def wrong(self, found: str, expected: str, *, attribute: str = "") -> FlightError:
         """Return the error that says what is wrong with this element, or an attribute of it."""
         name = self.tag.rpartition(" ")[2]
-        place = f"{name} {attribute}" if attribute else name
-        return refusal(self.file, self.line, place, found, expected)
+        return refusal(self.file, self.line, f"{name} {attribute}".strip(), found, expected)
 
-    def each(self, *tags: str) -> Iterator[Element]:
-        """Yield all elements below this one along a path of names."""
-        if not tags:
-            yield self
-            return
-        for element in self.below:
-            if element.tag == tags[0]:
-                yield from element.each(*tags[1:])
+    def each(self, path: str) -> Iterator[Element]:
+        """Yield all elements below along a path of names, as ``cameras/camera``."""
+        yield from cast("Iterator[Element]", self.iterfind(path))
 
-    def everywhere(self, tag: str) -> Iterator[Element]:
-        """Yield all elements of a name at any depth, in the order of the file."""
-        for element in self.below:
-            if element.tag == tag:
-                yield element
-            yield from element.everywhere(tag)
+    def maybe(self, path: str) -> Element | None:
+        """Return the first element below along a path of names, or None."""
+        return next(self.each(path), None)
 
-    def maybe(self, *tags: str) -> Element | None:
-        """Return the first element below by these names, or None."""
-        return next(self.each(*tags), None)
-
-    def one(self, *tags: str) -> Element:
-        """Return the element that must lie below by these names."""
+    def one(self, path: str) -> Element:
+        """Return the element that must lie below along a path of names."""
         element = self
-        for tag in tags:
+        for tag in path.split("/"):
             below = element.maybe(tag)
             if below is None:
                 raise element.wrong(f"<{tag}> is missing", "required")
             element = below
         return element
 
+    @property
+    def content(self) -> str:
+        """Its own text."""
+        return self.text or ""
+
     def attribute(self, name: str) -> str:
         """Return a required attribute."""
-        if name not in self.attributes:
+        if name not in self.attrib:
             raise self.wrong("is missing", "required", attribute=name)
-        return self.attributes[name]
+        return self.attrib[name]
 
-    def number(self, attribute: str = "", allowed: Range | None = None) -> float:
-        """Return the text, or an attribute, as a finite number, inside a range if one is given."""
-        text = self.attribute(attribute) if attribute else self.text
+    def number(self, attribute: str = "", allowed: Range = FINITE) -> float:
+        """Return the text, or an attribute, as a finite number inside a range."""
+        text = self.attribute(attribute) if attribute else self.content
         return _number(text, allowed, partial(self.wrong, attribute=attribute))
 
-    def whole(self, attribute: str = "") -> int:
-        """Return the text, or an attribute, as a whole number."""
-        text = self.attribute(attribute) if attribute else self.text
-        return _whole(text, partial(self.wrong, attribute=attribute))
-
-    def numbers(self, n: int | None = None) -> Array:
+    def numbers(self, n: int | None = None, allowed: Range = FINITE) -> Array:
         """Return the text as finite numbers with white space between them, `n` of them."""
-        values = numbers_of(self.text.split())
-        if (n is not None and len(values) != n) or not all(abs(values) < float("inf")):
+        values = numbers_of(self.content.split())
+        if (n is not None and len(values) != n) or not np.isfinite(values).all():
             many = "numbers" if n is None else f"{n} numbers"
-            raise self.wrong(quoted(self.text), f"must be {many}")
+            raise self.wrong(quoted(self.content), f"must be {many}")
+        if not all(value in allowed for value in values):
+            raise self.wrong(quoted(self.content), str(allowed))
         return values
 
 
@@ -610,7 +542,7 @@ def xml_tree(source: Opened) -> Element:
     Parameters
     ----------
     source : Opened
-        In an encoding that it declares, or UTF-8.
+        In an encoding that it declares, or UTF-8. A name has its name space and a space before it.
 
     Raises
     ------
@@ -618,30 +550,23 @@ def xml_tree(source: Opened) -> Element:
         Where it is no XML, or has a document type.
     """
     parser = expat.ParserCreate(namespace_separator=" ")
-    parser.buffer_text = True
-    outside = Element(file=source.file, line=1, tag="")
-    opened = [outside]
+    builder = ET.TreeBuilder(element_factory=Element)
 
     def refuse(*_: object) -> None:
         fault, line = "<!DOCTYPE> may name entities and other files", parser.CurrentLineNumber
         raise source.wrong("file", fault, "must be without it", line=line)
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        line = parser.CurrentLineNumber
-        element = Element(file=source.file, line=line, tag=tag, attributes=attributes)
-        opened[-1].below.append(element)
-        opened.append(element)
+        element = cast("Element", builder.start(tag, attributes))
+        element.file, element.line = source.file, parser.CurrentLineNumber
 
-    def say(text: str) -> None:
-        opened[-1].text += text
-
-    def end(_: str) -> None:
-        element = opened.pop()
-        element.text = element.text.strip()
+    def end(tag: str) -> None:
+        element = builder.end(tag)
+        element.text = (element.text or "").strip()
 
     parser.StartDoctypeDeclHandler = refuse
     parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.CharacterDataHandler = say
+    parser.CharacterDataHandler = builder.data
     try:
         parser.Parse(source.data, True)
     except expat.ExpatError as error:
@@ -650,4 +575,4 @@ def xml_tree(source: Opened) -> Element:
     except (LookupError, ValueError):  # an encoding that Python has not, or not so
         fault = "its encoding is not known"
         raise source.wrong("file", fault, "must be UTF-8") from None
-    return outside.below[0]
+    return cast("Element", builder.close())

@@ -49,6 +49,7 @@ from acx4lib.geometry.geodesy import (
 )
 from acx4lib.geometry.parameters import ATTITUDE, GNSS, Prior
 from acx4lib.least_squares.covariance import GaussMarkov
+from acx4lib.model import Model
 
 INWARD, OUTWARD = 0.25, 0.5
 """Largest corrections of a corner, in half diagonals: a third inwards would fold a lens of k1
@@ -504,6 +505,19 @@ class Setup:
     weights: str
     certificate: Certificate
     session: Session
+
+    @property
+    def model(self) -> Model:
+        """The choices of stage mounting."""
+        return Model(
+            free=self.estimate_mounting, fix=self.fix, refraction=self.refraction, gnss=self.gnss
+        )
+
+    @property
+    def heads_model(self) -> Model:
+        """The choices of stage heads and of rigs; errors of positions are not estimated there."""
+        of_attitudes = tuple(name for name in self.gnss if name in ATTITUDE)
+        return replace(self.model, free=self.estimate_heads, gnss=of_attitudes)
 
     @property
     def measured_in_heads(self) -> bool:

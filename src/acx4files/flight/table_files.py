@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-import stat
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -41,7 +40,6 @@ def read_columns(
     schema: Schema,
     *,
     needed_by: str,
-    most: int | None = None,
     as_written: Callable[[str], str] = str,
 ) -> Table:
     """Read a table with the columns of a schema; its `problems` list the errors.
@@ -52,13 +50,11 @@ def read_columns(
     file, needed_by
         As in `read_text`.
     schema : Schema
-    most : int, optional
-        Largest size in bytes.
     as_written : callable, optional
         Takes the text of the file, and returns it as a table of commas and decimal points, line
         by line.
     """
-    text, sha256, problems = read_text(path, file, needed_by=needed_by, most=most)
+    text, sha256, problems = read_text(path, file, needed_by=needed_by)
     if problems:
         return Table(file=file, problems=problems)
     text = as_written(text).replace("\r\n", "\n").replace("\r", "\n")
@@ -208,7 +204,13 @@ def checked(table: Table, cells: Mapping[str, Any], schema: Schema) -> Table:
     schema : Schema
         Ranges of the columns of numbers, names that may be empty, keys.
     """
-    numbers = {name: _numbers(cells[name]) for name in cells if name in schema.ranges}
+    numbers = {
+        name: cells[name].astype(float)
+        if isinstance(cells[name], np.ndarray)
+        else numbers_of(cells[name])
+        for name in cells
+        if name in schema.ranges
+    }
     text = {name: tuple(cells[name]) for name in cells if name not in schema.ranges}
     table = replace(table, text=text, numbers=numbers)
     problems = [*table.problems]
@@ -239,10 +241,10 @@ def _number_problems(
     def outside(row: int) -> Problem:
         swapped = name == "lat_deg" and lon is not None and abs(lon[row]) <= 90
         hint = " (latitude and longitude swapped?)" if swapped else ""
-        return table.problem(row, name, _shown(cells[row]).strip()[:QUOTED] + hint, str(allowed))
+        return table.problem(row, name, str(cells[row]).strip()[:QUOTED] + hint, str(allowed))
 
     def none(row: int) -> Problem:
-        cell = _shown(cells[row])
+        cell = str(cells[row])
         fault = f"{quoted(cell)}{form_of(cell)}" if cell.strip() else "is empty"
         point = "" if table.in_memory else ", decimal point"
         return table.problem(row, name, fault, f"must be a finite number{point}")
@@ -295,9 +297,9 @@ DEEPEST = 10
 
 
 def read_bytes(
-    path: Path, file: str, *, needed_by: str = "a flight", most: int | None = None
+    path: Path, file: str, *, needed_by: str = "a flight"
 ) -> tuple[bytes, tuple[Problem, ...]]:
-    """Return the content of a regular file, or the problem of reading it.
+    """Return the content of a file, or the problem of reading it.
 
     Parameters
     ----------
@@ -306,44 +308,35 @@ def read_bytes(
         Its name in messages.
     needed_by : str
         For the message if the file is missing.
-    most : int, optional
-        Largest size in bytes.
     """
-    expected = "must be a readable file"
     try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode) and not stat.S_ISDIR(status.st_mode):
-            fault = "cannot be read (no regular file)"  # reading a pipe may never end
-        elif most is not None and status.st_size > most:
-            fault, expected = f"has {status.st_size} bytes", f"must have at most {most} bytes"
-        else:
-            return path.read_bytes() if status.st_size else b"", ()  # /proc may never end
+        return path.read_bytes(), ()
     except FileNotFoundError:
         fault, expected = ABSENT, f"{needed_by} needs it"
-        if path.is_symlink():
-            fault, expected = "is a link to nothing", "must be a readable file"
     except (OSError, ValueError) as error:  # ValueError: a name that no file can have
         fault = f"cannot be read ({getattr(error, 'strerror', None) or error})"
+        expected = "must be a readable file"
     return b"", (Problem(file=file, line=1, column="file", found=fault, expected=expected),)
 
 
 def read_text(
-    path: Path, file: str, *, needed_by: str = "a flight", most: int | None = None
+    path: Path, file: str, *, needed_by: str = "a flight"
 ) -> tuple[str, str, tuple[Problem, ...]]:
     """Return a file's text without byte-order mark, its SHA-256, and its problems."""
-    content, problems = read_bytes(path, file, needed_by=needed_by, most=most)
+    content, problems = read_bytes(path, file, needed_by=needed_by)
     if problems:
         return "", "", problems
+    fault, place, is_wide = "", 0, content.startswith((BOM_UTF16_LE, BOM_UTF16_BE))
     try:
         text = content.decode("utf-8-sig")
-        if "\0" not in text:
-            return text, hashlib.sha256(content).hexdigest(), ()
-        offset, fault = content.index(b"\0"), "holds a null character"
+        if "\0" in text:
+            fault, place = "holds a null character", content.index(b"\0")
     except UnicodeDecodeError as error:
-        offset, fault = error.start, f"byte 0x{content[error.start]:02x} is not UTF-8"
-        fault += " (UTF-16?)" if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else ""
-    line = content.count(b"\n", 0, offset) + 1
-    expected = "must be UTF-8 text"
+        place = error.start
+        fault = f"byte 0x{content[place]:02x} is not UTF-8{' (UTF-16?)' if is_wide else ''}"
+    if not fault:
+        return text, hashlib.sha256(content).hexdigest(), ()
+    line, expected = content.count(b"\n", 0, place) + 1, "must be UTF-8 text"
     return "", "", (Problem(file=file, line=line, column="file", found=fault, expected=expected),)
 
 
@@ -414,26 +407,33 @@ def table_in_memory(columns: Columns, name: str, schema: Schema) -> Table:
         fault, cure = f"is {kind_of(columns)}", "must be a DataFrame, or a dict of arrays"
         return Table(file=name, problems=(replace(wrong, found=fault, expected=cure),))
     header = [str(column) for column in names] or [""]
-    problems = [*_header_problems(name, header, schema)]
-    problems = [replace(problem, line=-1, in_memory=True) for problem in problems]
-    cells: dict[str, NDArray[Any]] = {
+    problems = [
+        replace(problem, line=-1, in_memory=True)
+        for problem in _header_problems(name, header, schema)
+    ]
+    arrays: dict[str, NDArray[Any]] = {
         c: np.asarray(columns[c], dtype=object if isinstance(columns[c], list | tuple) else None)
         for c in dict.fromkeys(names)
         if c in schema.known
     }
-    n = max((len(values) for values in cells.values() if values.ndim == 1), default=0)
+    n = max((len(values) for values in arrays.values() if values.ndim == 1), default=0)
+    cure = f"must be one value for each row, shape ({n},)"
     problems += [
-        replace(wrong, column=column, found=fault, expected=cure)
-        for column, values in cells.items()
-        for fault, cure in _misshapen(values, n)
+        replace(wrong, column=column, found=f"has shape {values.shape}", expected=cure)
+        for column, values in arrays.items()
+        if values.shape != (n,)
     ]
     notes = tuple(_extra_notes(name, header, schema))
     table = Table(file=name, in_memory=True, lines=np.arange(n), notes=notes)
-    for column in [] if problems else [c for c in cells if c not in schema.ranges]:
-        cells[column], faults = _names(table, column, cells[column].tolist())
-        problems += faults
     if problems:
         return replace(table, problems=tuple(problems), whole=False)
+    cells: dict[str, Any] = {}
+    for column, values in arrays.items():
+        if column in schema.ranges and values.dtype.kind in "fiu":
+            cells[column] = values
+        else:
+            text = pd.Series(values, dtype=object)
+            cells[column] = text.mask(text.isna(), "").map(str).tolist()
     table = checked(table, cells, schema)
     sums = hashlib.sha256()
     for column, names_of in table.text.items():
@@ -441,59 +441,3 @@ def table_in_memory(columns: Columns, name: str, schema: Schema) -> Table:
     for column, numbers in table.numbers.items():
         sums.update(column.encode() + numbers.tobytes())
     return replace(table, sha256=sums.hexdigest())
-
-
-def _misshapen(values: NDArray[Any], n: int) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with the shape of a column that should have n rows."""
-    if values.ndim == 0:
-        one = repr(values.item())
-        yield f"the single value {one}", f"must be one for each row: np.full({n}, {one})"
-    elif values.shape != (n,):
-        cure = f"must be one value for each row, shape ({n},)"
-        yield f"an array of shape {values.shape}", cure
-
-
-def _numbers(cells: Sequence[Any] | NDArray[Any]) -> Array:
-    """Return cells as numbers; of a table in memory NaN for text and all that is no number."""
-    if not isinstance(cells, np.ndarray):
-        return numbers_of(cells)
-    if cells.dtype.kind in "fiu":
-        return cells.astype(float)
-    return np.fromiter(map(_number, cells), dtype=float, count=len(cells))
-
-
-def _number(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
-        return np.nan
-    try:
-        return float(value)
-    except OverflowError:  # an integer of Python may have any number of digits
-        return np.nan
-
-
-def _names(
-    table: Table, column: str, values: list[object]
-) -> tuple[NDArray[Any], Iterator[Problem]]:
-    """Return cells as names, "" for missing ones, and the problems of those that can be none."""
-
-    def is_name(value: object) -> bool:
-        return isinstance(value, str | int | np.integer) and not isinstance(value, bool)
-
-    def wrong(row: int) -> Problem:
-        cure = "must be a name: text, or a whole number"
-        return table.problem(row, column, quoted(values[row]), cure)
-
-    empty = [_is_missing(cell) or (isinstance(cell, float) and np.isnan(cell)) for cell in values]
-    names = ["" if blank else str(cell) for blank, cell in zip(empty, values, strict=True)]
-    rows = [row for row, cell in enumerate(values) if not (empty[row] or is_name(cell))]
-    return np.array(names, dtype=object), counted(rows, wrong)
-
-
-def _is_missing(value: object) -> bool:
-    """Tell whether a cell is empty: None, or by its type pandas' NA, which cannot be compared."""
-    return value is None or type(value).__name__ in ("NAType", "NaTType")
-
-
-def _shown(cell: object) -> str:
-    """Return a cell as text, "" for a missing one."""
-    return "" if _is_missing(cell) else str(cell)

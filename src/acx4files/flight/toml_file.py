@@ -15,9 +15,6 @@ from acx4files.flight.problems import QUOTED, SHOWN, Problem, Range, did_you_mea
 from acx4files.flight.table_files import read_text
 from acx4files.flight.tables import name_fault
 
-MOST_BYTES = 1_000_000
-"""Largest size of a flight.toml, bytes; a thousand cameras take half of it."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Toml:
@@ -83,7 +80,7 @@ def _shown(key: str) -> str:
 
 def read_toml(path: Path, *, needed_by: str = "a flight") -> Toml:
     """Read a TOML file, such as flight.toml; its `problems` list the errors."""
-    text, sha256, problems = read_text(path, str(path), needed_by=needed_by, most=MOST_BYTES)
+    text, sha256, problems = read_text(path, str(path), needed_by=needed_by)
     toml = Toml(folder=path.parent, file=str(path), sha256=sha256, problems=problems)
     if problems:
         return toml

@@ -1,6 +1,5 @@
 """The synthetic images of a whole flight, from files to files (section 2.1, Figure 5).
 
-`flight_images` goes through the exposures. `head_images` and `image_files` read and check the
-pictures of the heads, and `exposure` renders one exposure stripe by stripe into a `tiff` with its
-overviews. Begin with `flight_images`, then `exposure`.
+`flight_images` goes through the exposures and renders each stripe by stripe; `head_images` reads
+and checks the pictures of the heads, and `tiff` writes an image with its overviews.
 """

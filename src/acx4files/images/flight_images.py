@@ -1,4 +1,4 @@
-"""The synthetic images of a whole flight, as files.
+"""The synthetic images of a flight: from the files of its heads to a file for each exposure.
 
 Existing images that were made from the same input are not made again. If an image cannot be made,
 the others still are.
@@ -9,33 +9,48 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any, Literal
 
+import numpy as np
 import pandas as pd
 
 from acx4files.flight.reader import Flight
-from acx4files.images.exposure import (
-    FlightResponse,
-    Outcome,
-    RenderJob,
-    RenderOptions,
-    TellRows,
-    estimate_flight_response,
-    render_exposure,
-    spread,
-)
-from acx4files.images.head_images import HeadFiles, flight_files
-from acx4files.images.image_files import fingerprint
-from acx4files.images.tiff import read_about
+from acx4files.images.head_images import HeadFiles, fingerprint, flight_files, read_heads
+from acx4files.images.tiff import TILE, read_about, write, write_preview
 from acx4files.results import folder as results
-from acx4files.results import own_folder, provenance, whole_files
+from acx4files.results import provenance, whole_files
 from acx4files.results.read_back import read_relative_orientation
 from acx4files.results.whole_files import file_stem
 from acx4lib.calibration.heads import RelativeOrientation, not_calibrated
-from acx4lib.errors import AdjustmentError, FlightError
+from acx4lib.errors import AdjustmentError, FlightError, OutputError
+from acx4lib.expected import Raster
 from acx4lib.geometry.camera import Camera
+from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
+from acx4lib.synthetic_image.rendering import FEATHER_PX, render_into, render_plan, stack
+from acx4lib.synthetic_image.response import (
+    Response,
+    ResponseFit,
+    Samples,
+    fit_response,
+    overlap_samples,
+)
+
+FRAME = (
+    "An ideal central perspective without distortion. Image coordinates are mm from the middle of "
+    "the image, x right, y up: x = (col - (width_px - 1) / 2) pixel_mm, y = ((height_px - 1) / 2 - "
+    "row) pixel_mm, and (0, 0) is the centre of the top-left pixel. The perspective centre is at "
+    "(0, 0, f_mm), the principal point at (0, 0)."
+)
+HEADS_FRAME = (
+    "A head stands at (Xc, Yc, Zc) over the image, whose plane is Z = 0; omega, phi, kappa turn "
+    "the axes from the image to the head, R3(kappa) R2(phi) R1(omega). Grey values were divided "
+    "by exp(g + a q + b q^2), q the squared distance from the middle of the head's image over "
+    "that of its corner; response has g, a, b of every band."
+)
 
 ORIENTED = ("synthetic/refined", "heads/relative_orientation")
 """Results with the orientation of the heads; the first one that exists is used."""
@@ -43,7 +58,21 @@ ORIENTED = ("synthetic/refined", "heads/relative_orientation")
 IMAGES = "images.csv"
 """Table of the images, in the format of a flight's block."""
 
-_HEADER = ("image", "camera", "exposure", "file")
+_HEADER = ["image", "camera", "exposure", "file"]
+
+EXPOSURES = 3
+"""Number of exposures, spread over the flight, from which the response is estimated."""
+
+SEED = 4
+"""Seed of the positions where grey values are compared."""
+
+STRIPES_AT_HAND = 8
+"""Number of stripes after which the memory of mapped pixels is given back."""
+
+Blend = Literal["feather", "seam", "stack"]
+
+TellRows = Callable[[str, int, int], None]
+"""It is called with the exposure, the number of finished rows and the number of all rows."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,8 +123,7 @@ def render_flight(
     folder: str | Path,
     *,
     exposures: Sequence[str] | None = None,
-    options: RenderOptions = RenderOptions(),  # noqa: B008 frozen
-    threads: int | None = None,
+    blend: Blend = "feather",
     tell: TellRows = lambda *_: None,
 ) -> Rendered:
     """Render the synthetic images of a flight.
@@ -111,9 +139,10 @@ def render_flight(
     exposures : sequence of str, optional
         By default all exposures with the files of all heads, in every block that is measured in
         heads; ``block/name`` where two of them have an exposure of this name.
-    options : RenderOptions
-    threads : int, optional
-        By default one for each processor of this computer.
+    blend : {"feather", "seam", "stack"}
+        Whether heads are blended along the lines of equal distance from their borders, or cut, or
+        are bands of the image, one head after the other. Grey values of heads that are blended or
+        cut are equalised by one response for the flight.
     tell : callable
         Called with exposure, rows finished and all rows; all rows are 0 if the exposure failed.
 
@@ -129,41 +158,41 @@ def render_flight(
     rig, folder = read_rig(flight, Path(results_path)), Path(folder)
     files = flight_files(flight, [head.name for head in rig.orientation.heads])
     chosen = files.chosen(exposures)
-    sources = spread(list(files.complete.values())) if options.equalise == "flight" else []
-    with own_folder.claim(folder, signs=[IMAGES], away_from=[flight.path]):
+    sources = [] if blend == "stack" else spread(list(files.complete.values()))
+    problems, notes = [], [f"heads as {results_path} has them, {rig.source}"]
+    if exposures is None and files.incomplete:
+        notes.append(f"left out, without the files of all heads: {', '.join(files.incomplete)}")
+    with whole_files.claim(folder, signs=[IMAGES]):
         complete = [files.complete[name] for name in chosen if name in files.complete]
-        jobs = _jobs(rig, complete, folder, options, sources, threads)
-        kept = [job for job in jobs if _is_made(job)]
-        _list(rig, kept)
-        waiting = [job for job in jobs if job not in kept]
-        response = (
-            estimate_flight_response(sources, rig.orientation, rig.synthetic) if waiting else None
-        )
-        for job in waiting:
-            tell(job.exposure, 0, job.synthetic.height_px)
-        outcomes = {}
-        for job in waiting:
-            equalised = job
-            if response is not None:
-                equalised = replace(job, response=response.fit.response)
-            outcomes[job.exposure] = outcome = render_exposure(equalised, tell)
-            if outcome.problems:
-                tell(job.exposure, 0, 0)
-            else:
-                _list(rig, [job])
-    for name in chosen:
-        if name in files.incomplete:
-            outcomes[name] = Outcome(exposure=name, problems=(files.incomplete[name],))
-    left_out = {} if exposures is not None else files.incomplete
+        about = {one.exposure: _about(rig, one, blend, sources) for one in complete}
+        kept = [name for name in about if _is_made(folder, name, about[name])]
+        _list(rig, folder, kept)
+        waiting = [one for one in complete if one.exposure not in kept]
+        for one in waiting:
+            tell(one.exposure, 0, rig.synthetic.height_px)
+        fit, used = flight_response(sources if waiting else [], rig.orientation, rig.synthetic)
+        if fit is not None:
+            notes.append(_disagreement(fit, used))
+        rendered = []
+        for one in waiting:
+            try:
+                response = None if fit is None else fit.response
+                _render(rig, one, blend, response, folder, about[one.exposure], tell)
+                _list(rig, folder, [one.exposure])
+                rendered.append(one.exposure)
+            except FlightError as error:
+                problems += [f"{one.exposure}: {problem}" for problem in error.problems]
+            except (OutputError, OSError) as error:
+                problems.append(f"{one.exposure}: {error}")
+            if one.exposure not in rendered:
+                tell(one.exposure, 0, 0)
+    problems += [f"{name}: {files.incomplete[name]}" for name in chosen if name in files.incomplete]
     return Rendered(
-        rendered=tuple(name for name, outcome in outcomes.items() if not outcome.problems),
-        kept=tuple(job.exposure for job in kept),
-        problems=tuple(f"{n}: {p}" for n in chosen if n in outcomes for p in outcomes[n].problems),
-        notes=tuple(_notes(results_path, rig, left_out, response, outcomes.values())),
+        rendered=tuple(rendered), kept=tuple(kept), problems=tuple(problems), notes=tuple(notes)
     )
 
 
-# --- orientation and response ----------------------------------------------------------------
+# --- orientation -----------------------------------------------------------------------------
 
 
 def read_rig(flight: Flight, results_path: Path) -> SyntheticRig:
@@ -180,13 +209,6 @@ def read_rig(flight: Flight, results_path: Path) -> SyntheticRig:
     if flight.synthetic is None:
         raise FlightError([f"{toml}: has no table [synthetic]; there is nothing to render"])
     source, orientation = _read_orientation(flight, results_path)
-    names = [head.name for head in orientation.heads]
-    missing = [name for name in flight.synthetic.heads if name not in names]
-    if missing:
-        problem = (
-            f"{results_path}: has no orientation of {', '.join(missing)}; run stage heads again"
-        )
-        raise FlightError([problem])
     return SyntheticRig(
         flight=flight,
         orientation=orientation,
@@ -213,100 +235,215 @@ def _read_orientation(flight: Flight, results_path: Path) -> tuple[str, Relative
     raise FlightError([f"{results_path}: has no orientation of the heads; run stage heads first"])
 
 
-def _other_constant(rig: SyntheticRig) -> Iterator[str]:
-    """Yield a note if the camera constant is not that of the flight."""
-    first = rig.orientation.heads[0]
-    declared = rig.synthetic.interior.f
-    if abs(first.interior.f - declared) > 1e-6 * declared:
-        yield (
-            f"the camera constant is {first.interior.f:.6g} mm, that of {first.name}, in which the "
-            f"heads' places are counted; flight.toml has {declared:.6g} for {rig.synthetic.name}"
-        )
+# --- one response of the heads, so that neighbouring images agree ----------------------------
 
 
-# --- which images ----------------------------------------------------------------------------
+def spread(files: Sequence[HeadFiles]) -> list[HeadFiles]:
+    """Return up to `EXPOSURES` of a flight's exposures, evenly spread from first to last."""
+    indices = np.linspace(0, len(files) - 1, min(len(files), EXPOSURES)).round().astype(int)
+    return [files[i] for i in indices]
 
 
-def _jobs(
+def flight_response(
+    files: Sequence[HeadFiles], orientation: RelativeOrientation, synthetic: Camera
+) -> tuple[ResponseFit | None, list[str]]:
+    """Estimate one response from several exposures.
+
+    Parameters
+    ----------
+    files : sequence of HeadFiles
+        Exposures with bad files, or with another number of bands than the first good one, are
+        not used.
+    orientation : RelativeOrientation
+        At full size.
+    synthetic : Camera
+
+    Returns
+    -------
+    fit : ResponseFit or None
+        None where no exposure is good, or no two heads overlap.
+    exposures : list of str
+        Those with good files.
+    """
+    rng = np.random.default_rng(SEED)
+    samples: list[Samples] = []
+    used: list[str] = []
+    n_bands = 0
+    for exposure in files:
+        try:
+            heads = read_heads(exposure.paths, orientation.heads)
+        except FlightError:
+            continue  # the problem is reported when this exposure is rendered
+        n_bands = n_bands or heads.images[0].shape[2]
+        if heads.images[0].shape[2] != n_bands:
+            continue
+        reduced = reduced_heads(orientation, heads.reduction)
+        camera = reduced_camera(synthetic, heads.reduction)
+        if here := overlap_samples(heads.images, reduced, camera, rng=rng):
+            samples += here
+            used.append(exposure.exposure)
+        heads.forget()
+    if not samples:
+        return None, []
+    return fit_response(samples, n_heads=len(orientation.heads), n_bands=n_bands), used
+
+
+def _disagreement(fit: ResponseFit, exposures: Sequence[str]) -> str:
+    """Return a sentence on differences of heads before and after."""
+    before, after = (
+        100 * np.nanmax([0.0, *(v for o in fit.overlaps for v in getattr(o, name))])
+        for name in ("before", "after")
+    )  # NaN for an overlap that is completely dark or saturated
+    return (
+        f"response of the heads from {', '.join(exposures)}: overlaps disagree by at most "
+        f"{before:.1f} % before and {after:.1f} % after"
+    )
+
+
+# --- one image -------------------------------------------------------------------------------
+
+
+def _render(
     rig: SyntheticRig,
-    exposures: Sequence[HeadFiles],
+    files: HeadFiles,
+    blend: Blend,
+    response: Response | None,
     folder: Path,
-    options: RenderOptions,
-    sources: Sequence[HeadFiles],
-    threads: int | None,
-) -> list[RenderJob]:
-    """Return the jobs of all images, each with a checksum of all that its image depends on."""
-    orientation = rig.orientation
+    about: Mapping[str, Any],
+    tell: TellRows,
+) -> None:
+    """Render one exposure and its preview to their files, at 1/K of the size if its heads are.
+
+    Raises
+    ------
+    FlightError, OutputError, OSError
+        With the problems of files or of the disk; then nothing is written.
+    """
+    heads = read_heads(files.paths, rig.orientation.heads)
+    k, images, is_stack = heads.reduction, heads.images, blend == "stack"
+    orientation, synthetic = reduced_heads(rig.orientation, k), reduced_camera(rig.synthetic, k)
+    bands, dtype = images[0].shape[2], images[0].dtype
+    if response is not None and response.coefficients.shape[1] != bands:
+        usual = response.coefficients.shape[1]
+        problem = f"has {bands} bands, pictures before it have {usual}; all must be alike"
+        raise FlightError([f"{files.paths[0]}: {problem}"])
+    feather_px = FEATHER_PX / k if blend == "feather" else 0.0
+    plan = render_plan(orientation, synthetic, response=response, feather_px=feather_px)
+    shape = plan.height_px, plan.width_px, bands * (len(images) if is_stack else 1)
+
+    def stripe(start: int) -> Raster:
+        stop = min(start + TILE, shape[0])
+        if is_stack:
+            return stack(plan, images, start, stop)
+        out = np.empty((stop - start, *shape[1:]), dtype)
+        render_into(out, plan, images, start)
+        return out
+
+    def stripes() -> Iterator[Raster]:
+        """Yield stripes from the top; the next is rendered while one is written."""
+        with ThreadPoolExecutor(1) as pool:
+            ahead = pool.submit(stripe, 0)
+            for stop in range(TILE, shape[0] + TILE, TILE):
+                done = ahead.result()
+                if stop < shape[0]:
+                    ahead = pool.submit(stripe, stop)
+                if stop % (STRIPES_AT_HAND * TILE) == 0:
+                    heads.forget()
+                tell(files.exposure, min(stop, shape[0]), shape[0])
+                yield done
+
+    path, preview = _places(folder, files.exposure)
+    write(
+        path,
+        stripes(),
+        shape,
+        {**about, **_about_cameras(orientation, synthetic, files, response)},
+        pixel_mm=synthetic.pixel_mm,
+        dtype=dtype.name,
+        colour=bands >= 3 and not is_stack,
+    )
+    write_preview(preview, path)
+
+
+def _places(folder: Path, exposure: str) -> tuple[Path, Path]:
+    """Return the paths of an exposure's image and of its preview."""
+    return folder / f"{file_stem(exposure)}.tif", folder / f"{file_stem(exposure)}_preview.jpg"
+
+
+def _about(
+    rig: SyntheticRig, files: HeadFiles, blend: Blend, sources: Sequence[HeadFiles]
+) -> dict[str, Any]:
+    """Return the origin of an image, with a checksum of all that it depends on."""
     about = {
+        "exposure": files.exposure,
         "flight": rig.flight.name,
         "orientation": rig.source,
         "tables": rig.tables,
-        "response_from": [files.exposure for files in sources],
+        "blend": blend,
+        "response_from": [source.exposure for source in sources],
         "software": f"acx4lib {importlib.metadata.version('acx4lib')}",
     }
+    orientation = rig.orientation
     cameras = [
         [c.name, c.width_px, c.height_px, c.pixel_mm, asdict(c.interior)]
         for c in (rig.synthetic, *orientation.heads)
     ]
-    depends: list[object] = [about, asdict(options), cameras]
-    depends += [orientation.xyz_mm.tolist(), orientation.opk.tolist()]
-    depends += [[files.exposure, *map(fingerprint, files.paths)] for files in sources]
-
-    def job(files: HeadFiles) -> RenderJob:
-        own = [*depends, [files.exposure, *map(fingerprint, files.paths)]]
-        return RenderJob(
-            exposure=files.exposure,
-            files=files.paths,
-            orientation=orientation,
-            synthetic=rig.synthetic,
-            options=options,
-            path=folder / f"{file_stem(files.exposure)}.tif",
-            preview=folder / f"{file_stem(files.exposure)}_preview.jpg",
-            about={**about, "input": hashlib.sha256(json.dumps(own).encode()).hexdigest()},
-            threads=threads,
-        )
-
-    return [job(files) for files in exposures]
+    poses = [orientation.xyz_mm.tolist(), orientation.opk.tolist()]
+    prints = [[*map(fingerprint, source.paths)] for source in (*sources, files)]
+    depends = json.dumps([about, cameras, poses, prints])
+    return {**about, "input": hashlib.sha256(depends.encode()).hexdigest()}
 
 
-def _is_made(job: RenderJob) -> bool:
-    exists = job.path.is_file() and job.preview.is_file()
-    return exists and read_about(job.path).get("input") == job.about["input"]
+def _about_cameras(
+    orientation: RelativeOrientation,
+    synthetic: Camera,
+    files: HeadFiles,
+    response: Response | None,
+) -> dict[str, Any]:
+    """Return the geometry of an image and of its heads, and their responses."""
+    return {
+        "frame": FRAME,
+        "f_mm": orientation.heads[0].interior.f,  # Xc, Yc, Zc refer to it
+        "xp_mm": 0.0,
+        "yp_mm": 0.0,
+        "pixel_mm": synthetic.pixel_mm,
+        "width_px": synthetic.width_px,
+        "height_px": synthetic.height_px,
+        "camera": synthetic.name,
+        "mount_opk_deg": np.degrees(synthetic.T_b_c.opk).tolist(),
+        "heads_frame": HEADS_FRAME,
+        "heads": [
+            {
+                "camera": camera.name,
+                "file": path.name,
+                "bytes": path.stat().st_size,
+                "width_px": camera.width_px,
+                "height_px": camera.height_px,
+                "pixel_mm": camera.pixel_mm,
+                "interior": asdict(camera.interior),
+                "Xc_Yc_Zc_mm": orientation.xyz_mm[k].tolist(),
+                "omega_phi_kappa_deg": np.degrees(orientation.opk[k]).tolist(),
+                "response": None if response is None else response.coefficients[k].tolist(),
+            }
+            for k, (camera, path) in enumerate(zip(orientation.heads, files.paths, strict=True))
+        ],
+    }
 
 
-# --- notes and table -------------------------------------------------------------------------
+def _is_made(folder: Path, exposure: str, about: Mapping[str, Any]) -> bool:
+    path, preview = _places(folder, exposure)
+    exists = path.is_file() and preview.is_file()
+    return exists and read_about(path).get("input") == about["input"]
 
 
-def _notes(
-    results_path: str | Path,
-    rig: SyntheticRig,
-    left_out: Mapping[str, str],
-    response: FlightResponse | None,
-    outcomes: Iterable[Outcome],
-) -> Iterator[str]:
-    """Yield the notes on all images, then each note on single exposures, with their names."""
-    yield f"heads as {results_path} has them, {rig.source}"
-    yield from _other_constant(rig)
-    if left_out:
-        yield f"left out, without the files of all heads: {', '.join(left_out)}"
-    if response is not None:
-        yield str(response)
-    noted: dict[str, list[str]] = {}
-    for outcome in outcomes:
-        for note in outcome.notes:
-            noted.setdefault(note, []).append(outcome.exposure)
-    yield from (f"{', '.join(names)}: {note}" for note, names in noted.items())
-
-
-def _list(rig: SyntheticRig, jobs: Sequence[RenderJob]) -> None:
+def _list(rig: SyntheticRig, folder: Path, exposures: Sequence[str]) -> None:
     """Add images to their folder's table, sorted by their names."""
-    if not jobs:
+    if not exposures:
         return
-    folder = jobs[0].path.parent
     path = folder / IMAGES
     known = pd.read_csv(path, dtype=str, keep_default_na=False) if path.is_file() else None
-    new = [(job.exposure, rig.synthetic.name, job.exposure, job.path.name) for job in jobs]
-    table = pd.concat([known, pd.DataFrame(new, columns=list(_HEADER))])[list(_HEADER)]
+    new = [(name, rig.synthetic.name, name, _places(folder, name)[0].name) for name in exposures]
+    table = pd.concat([known, pd.DataFrame(new, columns=_HEADER)])[_HEADER]
     table = table.drop_duplicates("exposure", keep="last").sort_values("exposure")
     table = table[[(folder / name).is_file() for name in table["file"]]]
     whole_files.write(path, table.to_csv(index=False, lineterminator="\n"))

@@ -6,21 +6,34 @@ used take no time, and the memory of used ones can be given back.
 
 from __future__ import annotations
 
+import hashlib
+import logging
+import mmap
+import struct
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from os import SEEK_END
 from pathlib import Path
 
+import numpy as np
+import tifffile
+
 from acx4files.flight.reader import Flight
-from acx4files.images.image_files import ImageFile, image_from_file
 from acx4lib.errors import FlightError
 from acx4lib.expected import Raster
 from acx4lib.geometry.camera import Camera
-from acx4lib.synthetic_image.head_map import forget
+
+BANDS = 4
+"""Largest number of bands of an image."""
 
 MAKE_FILES = (
     "give heads/images.csv a column 'file' with the TIFF of every head's image, relative to heads/"
 )
+
+
+# --- which files -----------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,13 +62,10 @@ class FlightFiles:
         By exposure, in the order of the flight.
     incomplete : dict of str to str
         What is missing, for exposures where only some heads have a file.
-    tables : tuple of Path
-        Tables with the names of the files.
     """
 
     complete: dict[str, HeadFiles]
     incomplete: dict[str, str]
-    tables: tuple[Path, ...]
 
     def chosen(self, names: Sequence[str] | None) -> list[str]:
         """Return the names of the chosen exposures; by default of all complete ones.
@@ -63,47 +73,18 @@ class FlightFiles:
         Raises
         ------
         FlightError
-            Where there is none, or a name matches none or several exposures.
+            Where there is none, or no exposure of such a name.
         """
         if names is None:
             if not self.complete:
                 raise FlightError(list(self.incomplete.values()))
             return list(self.complete)
-        known, problems = [*self.complete, *self.incomplete], []
-        for name in dict.fromkeys(names):
-            if name in known:
-                continue
-            if alike := [one for one in known if one.endswith(f"/{name}")]:
-                which = f"there are {len(alike)} of this name; say {' or '.join(alike)}"
-                problems.append(f"exposure {name}: {which}")
-            else:
-                first = ", ".join([*self.complete][:5]) + (", …" if len(self.complete) > 5 else "")
-                says = f"no files of an exposure {name}; complete are {first or 'none'}"
-                problems.append(f"{', '.join(map(str, self.tables))}: {says}")
-        if problems:
-            raise FlightError(problems)
+        unknown = [name for name in names if name not in {**self.complete, **self.incomplete}]
+        if unknown:
+            known = ", ".join(self.complete)[:300] or "none"
+            says = f"no files of this exposure; complete are {known}"
+            raise FlightError([f"exposure {name}: {says}" for name in unknown])
         return list(dict.fromkeys(names))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class HeadImages:
-    """The pixels of all heads at one exposure.
-
-    Attributes
-    ----------
-    images : tuple of ndarray, shape (rows, cols, bands)
-        8 or 16 bit, read-only; all have the same type and number of bands.
-    reduction : int
-        K, if the images have 1/K of the cameras' size.
-    """
-
-    images: tuple[Raster, ...]
-    reduction: int
-
-    def forget(self) -> None:
-        """Release the memory of mapped pixels; they are read again when needed."""
-        for image in self.images:
-            forget(image)
 
 
 def flight_files(flight: Flight, heads: Sequence[str]) -> FlightFiles:
@@ -133,12 +114,7 @@ def flight_files(flight: Flight, heads: Sequence[str]) -> FlightFiles:
                 complete[label] = replace(files[exposure], exposure=label)
             else:
                 incomplete[label] = missing[exposure]
-    tables = tuple(_table(flight, block) for block in by_block)
-    return FlightFiles(complete=complete, incomplete=incomplete, tables=tables)
-
-
-def _table(flight: Flight, block: str) -> Path:
-    return flight.path / block / "images.csv"
+    return FlightFiles(complete=complete, incomplete=incomplete)
 
 
 def head_files(
@@ -166,7 +142,7 @@ def head_files(
     FlightError
         Where no image of a head has a file.
     """
-    table, inside = _table(flight, block), flight.pictures.resolve()
+    table, inside = flight.path / block / "images.csv", flight.pictures.resolve()
     by_exposure: dict[str, dict[str, Path]] = {}
     for i, path in enumerate(flight.image_files.get(block, ())):
         taken = flight.blocks[block]
@@ -191,6 +167,31 @@ def head_files(
     return complete, incomplete
 
 
+# --- the pixels of an exposure ---------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HeadImages:
+    """The pixels of all heads at one exposure.
+
+    Attributes
+    ----------
+    images : tuple of ndarray, shape (rows, cols, bands)
+        8 or 16 bit, read-only; all have the same type and number of bands.
+    reduction : int
+        K, if the images have 1/K of the cameras' size.
+    """
+
+    images: tuple[Raster, ...]
+    reduction: int
+
+    def forget(self) -> None:
+        """Release the memory of mapped pixels; they are read again when needed."""
+        for image in self.images:
+            if isinstance(image.base, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+                image.base.madvise(mmap.MADV_DONTNEED)
+
+
 def read_heads(paths: Sequence[Path], cameras: Sequence[Camera]) -> HeadImages:
     """Read the images of all heads at one exposure.
 
@@ -206,35 +207,222 @@ def read_heads(paths: Sequence[Path], cameras: Sequence[Camera]) -> HeadImages:
         With a sentence for every file that cannot be read, or that differs from the others.
     """
     problems: list[str] = []
-    pixels: list[ImageFile] = []
+    files: list[ImageFile] = []
     for path, camera in zip(paths, cameras, strict=True):
         try:
-            pixels.append(image_from_file(path, camera))
+            files.append(image_from_file(path, camera))
         except FlightError as error:
             problems += error.problems
-    problems = problems or _unlike(paths, pixels)
+    kinds = [
+        f"{8 * file.image.dtype.itemsize} bit, {file.image.shape[2]} bands, 1/{file.reduction} of "
+        "the size"
+        for file in files
+    ]
+    if not problems:
+        usual = Counter(kinds).most_common(1)[0][0]
+        problems = [
+            f"{path}: has {kind}, the other heads have {usual}; all must be alike"
+            for path, kind in zip(paths, kinds, strict=True)
+            if kind != usual
+        ]
     if problems:
         raise FlightError(problems)
-    return HeadImages(
-        images=tuple(file.image for file in pixels),
-        reduction=pixels[0].reduction,
-    )
+    return HeadImages(images=tuple(file.image for file in files), reduction=files[0].reduction)
 
 
-def _unlike(paths: Sequence[Path], pixels: Sequence[ImageFile]) -> list[str]:
-    """Return sentences on files that differ from most of the others."""
-    kinds = {
-        "has pixels of {} bit": [f"{8 * file.image.dtype.itemsize}" for file in pixels],
-        "has {} bands": [f"{file.image.shape[2]}" for file in pixels],
-        "is at {} of the size": [f"1/{file.reduction}" for file in pixels],
-    }
-    problems = []
-    for message, values in kinds.items():
-        usual = Counter(values).most_common(1)[0][0]
-        others = f"the other heads have {usual}; all must be alike"
-        problems += [
-            f"{path}: {message.format(value)}, {others}"
-            for path, value in zip(paths, values, strict=True)
-            if value != usual
-        ]
-    return problems
+# --- one file --------------------------------------------------------------------------------
+
+
+_BROKEN = (
+    *(ValueError, TypeError, LookupError, ArithmeticError, RuntimeError, AttributeError),
+    *(struct.error, MemoryError, tifffile.TiffFileError),
+)
+"""Errors of the TIFF reader where the bytes of a file contradict its header."""
+
+_GREY, _RGB, _YCBCR = 1, 2, 6
+_ALPHA = {1, 2}
+_ORIENTATION = 274
+_REDUCED_OR_MASK = 1 | 4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImageFile:
+    """The pixels of one image file.
+
+    Attributes
+    ----------
+    image : ndarray, shape (rows, cols, bands)
+        8 or 16 bit, read-only.
+    reduction : int
+        K, if the image has 1/K of the camera's size.
+    """
+
+    image: Raster
+    reduction: int
+
+
+def image_from_file(path: Path, camera: Camera) -> ImageFile:
+    """Read the image of a camera from a TIFF.
+
+    Parameters
+    ----------
+    path : Path
+        A TIFF or BigTIFF with one image of one to four bands of 8 or 16 bit, stored in any way.
+        An uncompressed image in this computer's byte order is mapped.
+    camera : Camera
+        The image must have its size, or 1/K of it.
+
+    Raises
+    ------
+    FlightError
+        With a sentence that names the file.
+    """
+    try:
+        with in_silence(), tifffile.TiffFile(path) as tiff:
+            page = tiff.pages.first
+            k = max(camera.width_px // max(page.imagewidth, 1), 1)
+            if problem := next(_problems(tiff, camera, k, path.stat().st_size), None):
+                raise FlightError([f"{path}: {problem}"])
+            image = _pixels(path, page)
+    except OSError as error:
+        raise FlightError([f"{path}: cannot be read ({error.strerror or error})"]) from None
+    except _BROKEN as error:
+        reason = " ".join(str(error).split())[:200]
+        says = f"is no TIFF, or a damaged one ({reason}); head images are TIFF of 8 or 16 bit"
+        raise FlightError([f"{path}: {says}"]) from None
+    image.flags.writeable = False
+    return ImageFile(image=image, reduction=k)
+
+
+def _problems(tiff: tifffile.TiffFile, camera: Camera, k: int, size: int) -> Iterator[str]:
+    """Yield the problems of an image that is not read: its kind, its size, or parts that miss."""
+    page = tiff.pages.first
+    yield from _problems_of_kind(page)
+    others = [p for p in list(tiff.pages)[1:] if isinstance(p, tifffile.TiffPage)]
+    others = [p for p in others if not p.subfiletype & _REDUCED_OR_MASK]
+    n_images = page.imagedepth + sum(p.shape[:2] == page.shape[:2] for p in others)
+    if n_images > 1:
+        yield f"holds {n_images} images; all bands must be in one"
+    if (page.imagewidth, page.imagelength) != (camera.width_px // k, camera.height_px // k):
+        yield (
+            f"has {page.imagewidth} x {page.imagelength} px; {camera.name} has {camera.width_px} x "
+            f"{camera.height_px}, and its images that or 1/K of it, K a whole number"
+        )
+    if len(page.dataoffsets) < np.prod(page.chunked) or not all(page.databytecounts):
+        yield "has parts without pixels; was the writing interrupted?"  # they would be read as 0
+    if (end := end_of_pixels(tiff)) > size:
+        yield f"ends after {size} bytes of at least {end}; was the copying interrupted?"
+
+
+def _problems_of_kind(page: tifffile.TiffPage) -> Iterator[str]:
+    if page.dtype not in (np.uint8, np.uint16):
+        kind = page.dtype.name if page.dtype is not None else f"{page.bitspersample} bit"
+        yield f"has pixels of type {kind}; unsigned whole numbers of 8 or 16 bit are read"
+    if not _ALPHA.isdisjoint(page.extrasamples):
+        yield (
+            "has a band of transparency (alpha); write it without, and near infrared as an extra "
+            "band of unspecified meaning"
+        )
+    if not 1 <= page.samplesperpixel <= BANDS:
+        yield f"has {page.samplesperpixel} bands; one to {BANDS} are read"
+    decoded_to_rgb = page.photometric == _YCBCR and page.compression == tifffile.COMPRESSION.JPEG
+    if page.photometric not in (_GREY, _RGB) and not decoded_to_rgb:
+        colours = tifffile.PHOTOMETRIC(page.photometric).name
+        yield f"is stored as {colours}; grey values or RGB are read, black as zero"
+    turned = page.tags.valueof(_ORIENTATION, default=1)
+    if turned != 1:
+        yield f"is to be shown turned (orientation {turned}); store the pixels as shown"
+
+
+def _pixels(path: Path, page: tifffile.TiffPage) -> Raster:
+    """Return the pixels of an image, mapped where they are stored as in memory."""
+    shape = page.imagelength, page.imagewidth, page.samplesperpixel
+    dtype = np.dtype(page.dtype)
+    native = dtype.newbyteorder(page.parent.byteorder).isnative
+    interleaved = page.samplesperpixel == 1 or page.planarconfig == 1
+    if native and interleaved and page.is_contiguous and page.is_memmappable:
+        return np.memmap(path, dtype, "r", page.dataoffsets[0], shape)
+    image = page.asarray(squeeze=False)
+    planes = np.moveaxis(image[:, 0], 0, 2)  # rows, columns, planes, bands of a plane
+    return np.ascontiguousarray(planes.reshape(shape), dtype=dtype)
+
+
+@contextmanager
+def in_silence() -> Iterator[None]:
+    """Suppress messages of the TIFF reader about problems reported elsewhere."""
+    logger = logging.getLogger("tifffile")
+    before, logger.disabled = logger.disabled, True
+    try:
+        yield
+    finally:
+        logger.disabled = before
+
+
+def end_of_pixels(tiff: tifffile.TiffFile) -> int:
+    """Return the size that a TIFF needs for the parts of its first image, bytes, by its tags."""
+    page = tiff.pages.first
+    return max(map(sum, zip(page.dataoffsets, page.databytecounts, strict=False)), default=0)
+
+
+def fingerprint(path: Path) -> str:
+    """Return a checksum of a file's size and of one megabyte, spread evenly over the file.
+
+    It quickly distinguishes images, but it may miss a change of a few pixels.
+    """
+    size = path.stat().st_size
+    checksum = hashlib.sha256(str(size).encode())
+    with path.open("rb") as file:
+        for offset in np.linspace(0, max(size - 4096, 0), 256, dtype=np.int64):
+            file.seek(int(offset))
+            checksum.update(file.read(4096))
+    return checksum.hexdigest()
+
+
+# --- segments of a JPEG, and pictures without their end --------------------------------------
+
+
+SCAN, END = 0xDA, 0xD9
+FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
+"""Markers of JPEG's frame headers."""
+
+LARGE = 65_536
+"""Bytes at the end of a large JPEG; previews with an end of their own stand at its beginning."""
+
+
+def segments(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield markers and contents of a JPEG's segments up to its pixels."""
+    offset = 2
+    while offset + 4 <= len(data) and data[offset] == 0xFF:
+        marker = data[offset + 1]
+        if marker in (SCAN, END):
+            return
+        (length,) = struct.unpack(">H", data[offset + 2 : offset + 4])
+        yield marker, data[offset + 4 : offset + 2 + length]
+        offset += 2 + length
+
+
+def is_whole(data: bytes) -> bool:
+    """Tell whether a JPEG or a PNG has its end; a cut file would be decoded with grey pixels."""
+    if data.startswith(b"\x89PNG"):
+        return b"IEND" in data[-4096:]
+    start = 2 + sum(4 + len(part) for _, part in segments(data))
+    return data.find(b"\xff\xd9", start) >= 0  # which no pixels have: 0 follows their 255
+
+
+def is_cut_off(path: Path) -> bool:
+    """Tell whether a file is a JPEG, a PNG or a TIFF without its end."""
+    with path.open("rb") as file:
+        start, size = file.read(4), file.seek(0, SEEK_END)
+        if start.startswith((b"\xff\xd8", b"\x89PNG")):
+            file.seek(max(size - LARGE, 0))
+            if size > 2 * LARGE and b"\xff\xd9" in file.read():
+                return False
+            file.seek(0)
+            return not is_whole(file.read())
+    if not start.startswith((b"II", b"MM")):
+        return False
+    try:
+        with in_silence(), tifffile.TiffFile(path) as tiff:
+            return end_of_pixels(tiff) > path.stat().st_size
+    except _BROKEN:
+        return True

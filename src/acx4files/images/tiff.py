@@ -5,12 +5,8 @@ The rows come in stripes while they are rendered. A file gets its name when it i
 
 from __future__ import annotations
 
-import errno
 import json
-import logging
-import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,19 +16,10 @@ import tifffile
 
 from acx4files.results import whole_files
 from acx4lib.expected import Raster
-from acx4lib.least_squares import processors
 from acx4lib.synthetic_image.rendering import halve
 
 TILE = 512
 """Rows and columns of a tile; the last overview is not larger."""
-
-COMPRESSIONS = {
-    "none": {},
-    "deflate": {"compression": "zlib", "compressionargs": {"level": 1}, "predictor": True},
-    "zstd": {"compression": "zstd", "compressionargs": {"level": 1}, "predictor": True},
-    "lzw": {"compression": "lzw", "predictor": True},
-}
-"""Arguments of the TIFF writer; zstd is the fastest, and every program reads deflate."""
 
 PREVIEW_PX = 2000
 """Longer side of a preview."""
@@ -40,31 +27,11 @@ PREVIEW_PX = 2000
 GAMMA = 1.6
 """Gamma of a preview: dark ground is visible, and colours do not become pale."""
 
-_AT_A_TIME = 2**25
-"""Bytes of tiles that threads compress at a time."""
-
 _GDAL_NODATA = (42113, "s", 0, "0", True)
 _UNSPECIFIED = 0
 
 
-@contextmanager
-def in_silence() -> Iterator[None]:
-    """Suppress messages of the TIFF reader about problems reported elsewhere."""
-    logger = logging.getLogger("tifffile")
-    before, logger.disabled = logger.disabled, True
-    try:
-        yield
-    finally:
-        logger.disabled = before
-
-
-def end_of_pixels(tiff: tifffile.TiffFile) -> int:
-    """Return the size that a TIFF needs for the parts of its first image, bytes, by its tags."""
-    page = tiff.pages.first
-    return max(map(sum, zip(page.dataoffsets, page.databytecounts, strict=False)), default=0)
-
-
-def write(  # noqa: PLR0913 what, how and where
+def write(
     path: Path,
     stripes: Iterable[Raster],
     shape: tuple[int, int, int],
@@ -73,8 +40,6 @@ def write(  # noqa: PLR0913 what, how and where
     pixel_mm: float,
     dtype: str = "uint16",
     colour: bool = True,
-    compression: str = "none",
-    threads: int | None = None,
 ) -> None:
     """Write an image stripe by stripe while it is made.
 
@@ -95,10 +60,6 @@ def write(  # noqa: PLR0913 what, how and where
         ``uint8`` or ``uint16``.
     colour : bool
         Whether the first three bands are red, green and blue.
-    compression : str
-        One of `COMPRESSIONS`.
-    threads : int, optional
-        Number of threads that compress; by default one for each processor.
 
     Raises
     ------
@@ -122,19 +83,12 @@ def write(  # noqa: PLR0913 what, how and where
         "photometric": "rgb" if colour else "minisblack",
         "planarconfig": "contig" if bands > 1 else None,
         "extrasamples": [_UNSPECIFIED] * (bands - (3 if colour else 1)) or None,
-        "maxworkers": threads or processors.cores(),
-        "buffersize": _AT_A_TIME,
         "metadata": None,
         "resolutionunit": "CENTIMETER",
         "extratags": [_GDAL_NODATA],
-        **COMPRESSIONS[compression],
     }
     first = {"description": json.dumps(about, indent=1), "software": "acx4lib", "subfiletype": 0}
-    with (
-        whole_files.appearing(path) as part,
-        _with_reason(),
-        tifffile.TiffWriter(part, bigtiff=True) as tiff,
-    ):
+    with whole_files.appearing(path) as part, tifffile.TiffWriter(part, bigtiff=True) as tiff:
         for level, size in enumerate(sizes):
             if level > 1:
                 halve(smaller[level - 1], smaller[level - 2])
@@ -146,17 +100,6 @@ def write(  # noqa: PLR0913 what, how and where
                 **how,
                 **(first if level == 0 else {"software": False, "subfiletype": 1}),
             )
-
-
-@contextmanager
-def _with_reason() -> Iterator[None]:
-    """Give the reason of an error of numpy, which only tells how many bytes it could not write."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno is None:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from None
-        raise
 
 
 def level_sizes(height: int, width: int) -> list[tuple[int, int]]:

@@ -27,7 +27,7 @@ from acx4files.measuring.views import (
     seen_at,
     size_on_file,
 )
-from acx4files.results import own_folder, whole_files
+from acx4files.results import whole_files
 from acx4lib import expected, shown
 from acx4lib.block import Block, select_images
 from acx4lib.errors import AdjustmentError, FlightError
@@ -112,7 +112,7 @@ def measure_flight(
     """
     unmeasured = read_unmeasured(path)
     flight = unmeasured.flight
-    with own_folder.claim(folder, signs=[], away_from=[Path(path)], becomes_flight=True):
+    with whole_files.claim(folder, signs=[]):
         outcomes: dict[str, Outcome] = {}
         points: dict[str, list[Measured]] = {}
         for name in flight.blocks:

@@ -21,6 +21,7 @@ from acx4lib.expected import NOT_GIVEN, Array, Index, Mask
 from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.parameters import Prior
 from acx4lib.least_squares.reduced_system import held_at_zero
+from acx4lib.model import Model
 
 WANTED = 3
 """Rays of a point, wherever the block has as many pictures of its place."""
@@ -254,7 +255,9 @@ def _shared(bundle: Bundle, rays: TieRays) -> Array:
         sigma_px = np.hypot(rays.sigma_px, shared_px[group_of])
         if of_rig:
             factor = sigma_px / np.hypot(rays.sigma_px, LEAST_SIGMA_PX)
-            turned = freely_turned(_times(bundle, factor), partial(mounted_orientation, free=()))
+            turned = freely_turned(
+                _times(bundle, factor), partial(mounted_orientation, model=Model())
+            )
         rows, group = turned.network.rows, turned.solution.groups[0]
         v_sq = np.square(group.v / group.sigma) * sigma_px[rows, None] ** 2
         for k in range(n_groups):
@@ -296,7 +299,7 @@ def _adjusted(block: Block) -> Bundle:
         if min(n_pictures[n_pictures > 0], default=0) < least:
             continue
         try:
-            set_up = partial(mounted_orientation, free=free)
+            set_up = partial(mounted_orientation, model=Model(free=free))
             bundle = adjust_rejecting(block, set_up, critical=CRITICAL, sigma0="estimated")
         except AdjustmentError as error:
             failed = error

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import map_coordinates
 
-from acx4files.images.image_files import image_from_file, is_whole
+from acx4files.images.head_images import image_from_file, is_whole
 from acx4lib.block import Block
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Raster

@@ -8,25 +8,86 @@ which it belongs; so a folder whose writing was interrupted is noticed.
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain, groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from acx4files.results import table_files
-from acx4files.results.table_files import COLUMNS, OF
 from acx4files.results.whole_files import together
 from acx4lib import expected
 from acx4lib.errors import FlightError
 
-STAGES = table_files.STAGES
+STAGES = ("heads", "synthetic", "mounting", "validation")
+"""The stages in the order of the paper, and of the rows of every table."""
+
+NOTEBOOKS: Mapping[str, str] = {
+    "flight": "00-flight",
+    "heads": "01-head-calibration",
+    "synthetic": "02-synthetic-image",
+    "mounting": "03-mounting-calibration",
+    "rig": "08-rig",
+    "validation": "04-validation",
+}
+"""The notebook of every stage, in the order in which they are run. ``flight`` only shows the data.
+``rig`` is the part of the stage mounting that uses the block heads."""
+
+PART_OF: Mapping[str, str] = {"rig": "mounting"}
+"""The stage of the results folder for a stage that has none of its own."""
+
+RELATIVE = ("Xc_mm", "Yc_mm", "Zc_mm", "omega_deg", "phi_deg", "kappa_deg")
+"""Names of the parameters of a head's relative orientation, in their order."""
+
+COMPONENTS = {
+    "image_point": ("col_px", "row_px"),
+    "control_point": ("east_m", "north_m", "height_m"),
+    "gnss": ("east_m", "north_m", "height_m"),
+    "attitude": ("roll_deg", "pitch_deg", "heading_deg"),
+    "lever_arm": ("lever_x_m", "lever_y_m", "lever_z_m"),
+    "boresight": ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg"),
+    "interior": ("f_mm", "xp_mm", "yp_mm"),
+}
+"""Components of the residuals of every kind; angles are about the body's x, y, z axes."""
+
+
+_METHOD = ("stage", "method")
+_POSITION = ("east_m", "north_m", "height_m")
+_ATTITUDE = ("omega_deg", "phi_deg", "kappa_deg")
+_SIGMA = tuple(f"sigma_{name}" for name in _POSITION)
+_DIFFERENCE = (*(f"d_{name}" for name in _POSITION), *_SIGMA)
+_POSE = (*_POSITION, *_ATTITUDE, *_SIGMA, *(f"sigma_{name}" for name in _ATTITUDE))
+_OBSERVED = (*_METHOD, "kind", "image_or_exposure", "point")
+_PIXELS = ("col_px", "row_px", "sigma_col_px", "sigma_row_px")
+
+COLUMNS: Mapping[str, tuple[str, ...]] = {
+    "parameters": (*_METHOD, "camera", "parameter", "value", "sigma", "unit", "sigma_before"),
+    "validation": ("method", "point", "image_a", "image_b", *_DIFFERENCE),
+    "check_points": (*_METHOD, "point", "n_images", *_DIFFERENCE),
+    "exterior_orientation": (*_METHOD, "image", *_POSE),
+    "residuals": (*_OBSERVED, "component", "v", "sigma", "redundancy", "w"),
+    "covariance": (*_METHOD, "row", "column", "value"),
+    "rejected": (*_OBSERVED, "statistic", "reason"),
+    "synthetic_points": ("block", "image", "point", "head", *_PIXELS),
+}
+"""Columns of every table, in order; a table's file is its name with ``.csv``."""
+
+TEXTS = {
+    *("stage", "method", "camera", "parameter", "unit", "point", "image", "image_a", "image_b"),
+    *("kind", "image_or_exposure", "component", "row", "column", "reason", "block", "head"),
+}
+"""Columns of text; the others are numbers."""
+
+COUNTS = {"n_images"}
+"""Columns of whole numbers."""
+
+OF = {"validation": "validation", "synthetic_points": "synthetic"}
+"""The stage of all rows of a table that has no column for it."""
 
 FILES = (*(f"{name}.csv" for name in COLUMNS), "summary.json")
 """Every file of a results folder."""
@@ -35,16 +96,32 @@ RUN = "run"
 """Object of summary.json on all stages: flight, software, and the SHA-256 of every table."""
 
 FORMAT = 2
-"""Version of results; 1 had its object `RUN` in the first file of `EARLIER`."""
+"""Version of results; 1 had its object `RUN` in the file `EARLIER`."""
 
-EARLIER = ("provenance.json", ".acx4.json")
+EARLIER = "provenance.json"
 
-AGAIN = "run all stages again"
+AGAIN = "run all stages again with acx4 run, or choose another folder"
 
 Rows = pd.DataFrame | Sequence[pd.DataFrame]
 """Rows of a table, in one part or in several."""
 
 Summary = dict[str, dict[str, Any]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """The results of one method, ready to be written.
+
+    Attributes
+    ----------
+    tables : dict of str to DataFrame
+        By the names of `COLUMNS`, with these columns.
+    summary : dict
+        Objects for summary.json, by their keys.
+    """
+
+    tables: Mapping[str, pd.DataFrame]
+    summary: Summary
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,14 +176,8 @@ def of_run(folder: str | Path) -> Path:
     return path
 
 
-def read(folder: str | Path, *, rewriting: Sequence[str] = ()) -> Results:
+def read(folder: str | Path) -> Results:
     """Read an existing results folder; a missing file counts as a table without rows.
-
-    Parameters
-    ----------
-    folder : path
-    rewriting : sequence of str
-        Stages whose results are not needed, since they are run again.
 
     Raises
     ------
@@ -115,32 +186,8 @@ def read(folder: str | Path, *, rewriting: Sequence[str] = ()) -> Results:
     """
     path = expected.folder(folder, "the results of a run")
     summary, run = read_summary(path)
-    check_ended(path, run, rewriting)
     tables = {name: _read(name, path, run) for name in SHORT}
     return Results(folder=path, summary=summary, run=run, **tables)
-
-
-def check_ended(folder: Path, run: Mapping[str, Any], rewriting: Sequence[str] = ()) -> None:
-    """Raise a FlightError where a stage ended while it wrote, unless it is run again."""
-    stage = run.get("writing")
-    if stage and stage not in rewriting:
-        problem = f"{folder}: stage {stage} was ended while it wrote; run stage {stage} again"
-        raise FlightError([f"{problem}: acx4 run FLIGHT --results {folder} --stages {stage}"])
-
-
-def _content(name: str, folder: Path, run: Mapping[str, Any]) -> bytes:
-    """Return the content of a table's file, as the run left it; FlightError otherwise."""
-    path = folder / f"{name}.csv"
-    content = path.read_bytes() if path.is_file() else b""
-    digest = run.get("tables", {}).get(path.name, "")
-    if digest and "writing" not in run and hashlib.sha256(content).hexdigest() != digest:
-        problem = f"{path}: is not the table of which summary.json has the SHA-256; {AGAIN}"
-        raise FlightError([problem])
-    return content
-
-
-def _read(name: str, folder: Path, run: Mapping[str, Any]) -> pd.DataFrame:
-    return table_files.read(folder / f"{name}.csv", _content(name, folder, run))
 
 
 def entries(folder: Path) -> Summary:
@@ -157,18 +204,15 @@ def read_summary(folder: Path) -> tuple[Summary, dict[str, Any]]:
         Where the file is there and not of a run.
     """
     summary = _object(folder / "summary.json")
-    run = summary.pop(RUN, None) or _object(folder / EARLIER[0])
-    strange = [key for key, entry in summary.items() if not _is_entry(key, entry)]
-    if strange:
-        problem = f"{folder / 'summary.json'}: {strange[0]} is not of a stage of acx4 run"
-        raise FlightError([f"{problem}, {', '.join(STAGES)}; {AGAIN}"])
+    run = summary.pop(RUN, None) or _object(folder / EARLIER)
+    for key, entry in summary.items():
+        if key.partition("/")[0] not in STAGES or not isinstance(entry, dict):
+            problem = f"{folder / 'summary.json'}: {key} is not of a stage of acx4 run"
+            raise FlightError([f"{problem}, {', '.join(STAGES)}; choose another folder"])
     if run.get("format", FORMAT) > FORMAT:
-        raise FlightError([f"{folder}: is of a later version of acx4; use that, or {AGAIN}"])
+        problem = f"{folder}: is of a later version of acx4; use that, or choose another folder"
+        raise FlightError([problem])
     return summary, run
-
-
-def _is_entry(key: str, entry: object) -> bool:
-    return key.partition("/")[0] in STAGES and "/" in key and isinstance(entry, dict)
 
 
 def _object(path: Path) -> dict[str, Any]:
@@ -176,24 +220,64 @@ def _object(path: Path) -> dict[str, Any]:
     try:
         content = json.loads(path.read_text("utf-8")) if path.is_file() else {}
     except ValueError as error:
-        raise FlightError([f"{path}: is not JSON ({error}); {AGAIN}"]) from None
+        raise FlightError([f"{path}: is not JSON ({error}); choose another folder"]) from None
     if not isinstance(content, dict):
-        raise FlightError([f"{path}: must be one object; {AGAIN}"])
+        raise FlightError([f"{path}: must be one object; choose another folder"])
     return content
+
+
+def _content(name: str, folder: Path, run: Mapping[str, Any]) -> bytes:
+    """Return the content of a table's file; FlightError if it is not that of summary.json."""
+    path = folder / f"{name}.csv"
+    content = path.read_bytes() if path.is_file() else b""
+    digest = run.get("tables", {}).get(path.name, "")
+    if digest and hashlib.sha256(content).hexdigest() != digest:
+        problem = f"{path}: is not the table of which summary.json has the SHA-256"
+        raise FlightError(
+            [f"{problem} (a stage was ended while it wrote, or it was changed); {AGAIN}"]
+        )
+    return content
+
+
+def _read(name: str, folder: Path, run: Mapping[str, Any]) -> pd.DataFrame:
+    """Return a table: names are text, counts whole numbers, unknown numbers NaN.
+
+    Raises
+    ------
+    FlightError
+        Where its columns are others, or a cell is no number.
+    """
+    path, columns = folder / f"{name}.csv", COLUMNS[name]
+    content = _content(name, folder, run) or _header(name)
+    numbers = [column for column in columns if column not in TEXTS]
+    try:
+        frame = pd.read_csv(
+            io.BytesIO(content),
+            dtype={column: "str" if column in TEXTS else "float64" for column in columns},
+            keep_default_na=False,
+            na_values=dict.fromkeys(numbers, ""),
+            skip_blank_lines=False,
+        )
+    except ValueError as error:
+        raise _broken(path, " ".join(str(error).split())) from None
+    if (*frame.columns,) != columns:
+        raise _broken(path, f"has the columns {','.join(map(str, frame))}, not {','.join(columns)}")
+    if not isinstance(frame.index, pd.RangeIndex):
+        raise _broken(path, "has rows of another width than its header")
+    return frame.astype(dict.fromkeys(COUNTS & {*columns}, "int64"))
+
+
+def _broken(path: Path, fault: str) -> FlightError:
+    return FlightError([f"{path}:1: file: {fault}; must be a table of results; {AGAIN}"])
 
 
 def is_whole(folder: Path) -> bool:
     """Tell whether all tables are there as the run left them."""
-    _, run = read_summary(folder)
-    tables = run.get("tables", {})
-    return (
-        {*tables, "summary.json"} == {*FILES}
-        and "writing" not in run
-        and all(
-            (folder / file).is_file()
-            and hashlib.sha256((folder / file).read_bytes()).hexdigest() == digest
-            for file, digest in tables.items()
-        )
+    tables = read_summary(folder)[1].get("tables", {})
+    return {*tables, "summary.json"} == {*FILES} and all(
+        (folder / file).is_file()
+        and hashlib.sha256((folder / file).read_bytes()).hexdigest() == digest
+        for file, digest in tables.items()
     )
 
 
@@ -211,8 +295,8 @@ def replace(
 ) -> None:
     """Replace old results by new ones; everything else in the folder stays.
 
-    All files are completely written beside the old ones before the first one is replaced. Until the
-    last one, summary.json says which stage is being written.
+    All files are completely written beside the old ones before the first one is replaced; the last
+    is summary.json.
 
     Parameters
     ----------
@@ -221,8 +305,8 @@ def replace(
     stage_methods : sequence of str
         Results to replace: ``mounting/single_step``, or ``mounting`` for a whole stage.
     tables : mapping of str to DataFrame, or to a sequence of them
-        New rows by the names of `COLUMNS`, each table with exactly these columns; those of text are
-        written fastest as categories.
+        New rows of the first one's stage by the names of `COLUMNS`, with these columns; those of
+        text are written fastest as categories.
     summary : mapping of str to mapping
         New objects of summary.json.
     run : mapping, optional
@@ -237,67 +321,101 @@ def replace(
     """
     path = Path(folder)
     path.mkdir(parents=True, exist_ok=True)
-    all_stages = {*STAGES} <= {*stage_methods}
-    before, old_run = ({}, {}) if all_stages else read_summary(path)
-    new_run = dict(old_run if run is None else run) | {"format": FORMAT}
-    new_run.pop("writing", None)
-    stage = stage_methods[0].partition("/")[0] if stage_methods else ""
-    check_ended(path, old_run, stage_methods)
-    entries = {key: v for key, v in before.items() if not _belongs(key, stage_methods)}
+    before, old_run = read_summary(path)
+    digests = {}
     with together() as new:
-        writing = {**new_run, "tables": {}, "writing": stage}
-        new.write(path / "summary.json", _summary_text(entries, writing))
         for name, content in (kept or {}).items():
             (path / name).parent.mkdir(parents=True, exist_ok=True)
-            new.write(path / name, content)
-        digests = {}
+            new(path / name).write_bytes(content)
         for name in COLUMNS:
-            old = b"" if all_stages else _content(name, path, old_run)
-            parts: dict[str, list[bytes]] = {part: [] for part in STAGES}
-            for part, rows in _remaining(path / f"{name}.csv", old, stage_methods):
-                parts[part].append(rows)
-            for part, frame in _by_stage(name, tables.get(name, ())):
-                parts[part].extend(table_files.lines(name, frame))
-            content = b"".join([table_files.header(name), *chain(*parts.values())])
-            new.write(path / f"{name}.csv", content)
+            old = b"" if {*STAGES} <= {*stage_methods} else _content(name, path, old_run)
+            parts = tables.get(name, ())
+            frames = [parts] if isinstance(parts, pd.DataFrame) else parts
+            rows = [line for frame in frames for line in _lines(name, frame)]
+            content = b"".join(_merged(path / f"{name}.csv", old, stage_methods, rows))
+            new(path / f"{name}.csv").write_bytes(content)
             digests[f"{name}.csv"] = hashlib.sha256(content).hexdigest()
-        done = {**new_run, "tables": digests}
-        new.write(path / "summary.json", _summary_text({**entries, **summary}, done))
-    for file in EARLIER:
-        (path / file).unlink(missing_ok=True)
+        stay = {key: entry for key, entry in before.items() if not _belongs(key, stage_methods)}
+        about = {**(old_run if run is None else run), "format": FORMAT, "tables": digests}
+        new(path / "summary.json").write_bytes(_summary_text({**stay, **summary}, about))
+    (path / EARLIER).unlink(missing_ok=True)
 
 
-def _remaining(
-    path: Path, content: bytes, stage_methods: Sequence[str]
-) -> Iterator[tuple[str, bytes]]:
-    """Yield the rows of a file that are not replaced, with their stages."""
-    if not content:
-        return
-    first, *rows = content.splitlines(keepends=True)
-    if first != table_files.header(path.stem):
-        raise FlightError([f"{path}: has the columns of another version; {AGAIN}"])
-    of = OF.get(path.stem, "")
-    n_cells = len({"stage", "method"} & {*COLUMNS[path.stem]})  # that name stage and method
-    for key, alike in groupby(rows, lambda row: row.split(b",", n_cells)[:n_cells]):
-        name = "/".join(filter(None, [of, *(cell.decode() for cell in key)]))
-        if not _belongs(name, stage_methods):
-            yield name.partition("/")[0], b"".join(alike)
+def _merged(
+    path: Path, old: bytes, stage_methods: Sequence[str], new: Sequence[bytes]
+) -> Iterator[bytes]:
+    """Yield header and rows of a table, in the order of `STAGES`."""
+    name = path.stem
+    first, *rows = old.splitlines(keepends=True) or [_header(name)]
+    if first != _header(name):
+        raise _broken(path, "has the columns of another version")
+    gone = tuple(_beginnings(name, stage_methods))
+    place = STAGES.index(stage_methods[0].partition("/")[0]) if stage_methods else 0
+    later = () if name in OF else tuple(f"{stage},".encode() for stage in STAGES[place + 1 :])
+    rows = [row for row in rows if not row.startswith(gone)]
+    yield first
+    yield from (row for row in rows if not row.startswith(later))
+    yield from new
+    yield from (row for row in rows if row.startswith(later))
 
 
-def _by_stage(name: str, frames: Rows) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Yield new rows with their stages."""
-    for frame in [frames] if isinstance(frames, pd.DataFrame) else frames:
-        if not len(frame):
-            continue
-        if name in OF:
-            yield OF[name], frame
-            continue
-        for stage in STAGES:
-            mine = frame["stage"] == stage
-            if mine.all():
-                yield stage, frame
-            elif mine.any():
-                yield stage, frame[mine]
+def _beginnings(name: str, stage_methods: Sequence[str]) -> Iterator[bytes]:
+    """Yield what the rows of some results begin with, in the file of a table."""
+    of = OF.get(name)
+    for key in stage_methods:
+        stage, _, method = key.partition("/")
+        cells = [stage, method] if of is None else [method]
+        if of in (None, stage):
+            yield "".join(f"{cell}," for cell in cells if cell).encode()
+
+
+def _header(name: str) -> bytes:
+    return f"{','.join(COLUMNS[name])}\n".encode()
+
+
+def _lines(name: str, frame: pd.DataFrame, n_rows: int = 50_000) -> Iterator[bytes]:
+    """Yield the rows of a table as they stand in its file, many at a time.
+
+    Numbers are written as by Python's ``repr``, text as by its module csv. The cell of a value that
+    is not known, or not finite, is empty. The writer of pandas takes twice as long.
+    """
+    columns = [_coded(frame[column], is_text=column in TEXTS) for column in COLUMNS[name]]
+    for begin in range(0, len(frame), n_rows):
+        cells = [_cells(values[begin : begin + n_rows], known) for values, known in columns]
+        yield ("\n".join(map(",".join, zip(*cells, strict=True))) + "\n").encode()
+
+
+def _coded(
+    column: pd.Series, *, is_text: bool, first: int = 1000
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return the code of every cell of text and the cells that occur, or numbers and None.
+
+    Numbers are coded too if they are few, as are those of the first rows: a sigma stands in many.
+    """
+    if is_text:
+        text = column.astype("category").cat
+        cells = [_quoted(str(cell)) for cell in text.categories]
+        return text.codes.to_numpy(), np.array([*cells, ""], dtype=object)
+    values = np.ascontiguousarray(column, dtype=None if column.name in COUNTS else float)
+    if column.name in COUNTS or len(np.unique(values[:first])) > first // 10:
+        return values, None
+    code, bits = pd.factorize(values.view(np.int64))  # -0 is not 0
+    return code, np.array([*_cells(bits.view(float), None), ""], dtype=object)
+
+
+def _quoted(text: str) -> str:
+    """Return text as a cell."""
+    return '"{}"'.format(text.replace('"', '""')) if {*text} & {*',"\n\r'} else text
+
+
+def _cells(values: np.ndarray, known: np.ndarray | None) -> list[str]:
+    """Return the cells of a part of a column; no value has the last code, -1."""
+    if known is not None:
+        return known[values].tolist()
+    cells = list(map(repr, values.tolist()))
+    for k in np.flatnonzero(~np.isfinite(values)):
+        cells[k] = ""
+    return cells
 
 
 def _summary_text(summary: Mapping[str, Mapping[str, object]], run: Mapping[str, object]) -> bytes:

@@ -11,26 +11,24 @@ import hashlib
 import importlib.metadata
 import os
 import platform
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
+import pandas as pd
+
 from acx4files.flight.reader import PLACE, Flight, read_kept, table_files
 from acx4files.results import folder as results
-from acx4files.results import own_folder
-from acx4files.results.folder import AGAIN
-from acx4files.results.table_files import NOTEBOOKS, PART_OF, STAGES
-from acx4lib.errors import FlightError, OutputError
+from acx4files.results import whole_files
+from acx4files.results.folder import AGAIN, COLUMNS, NOTEBOOKS, Record
+from acx4lib.errors import FlightError
 
 KEPT = "flight"
 """Folder of the copies in the results."""
 
 EXECUTED, FAILED = "notebooks", "failed"
 """Folders of the executed notebooks, and of those that failed."""
-
-SIGNS = ("summary.json", EXECUTED, FAILED)
-"""What a folder of results has, at least one of them."""
 
 PACKAGES = ("acx4lib", "numpy", "scipy", "pyproj")
 """Packages on whose versions the numbers depend."""
@@ -132,13 +130,8 @@ def identity(flight: Flight) -> dict[str, str]:
 
 def versions() -> dict[str, str]:
     """Return the versions of Python and of `PACKAGES`."""
-    out = {"python": platform.python_version()}
-    for name in PACKAGES:
-        try:
-            out[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            out[name] = "not installed"
-    return out
+    of_packages = {name: importlib.metadata.version(name) for name in PACKAGES}
+    return {"python": platform.python_version(), **of_packages}
 
 
 # --- results of the same flight --------------------------------------------------------------
@@ -165,14 +158,13 @@ def results_before(folder: str | Path, stages: Sequence[str], flight: Flight) ->
         path.mkdir(parents=True, exist_ok=True)
     elif not path.is_dir():
         raise FlightError([_not_run(path, stages, flight)])
-    last = max(map(STAGES.index, stages), default=len(STAGES) - 2)
     can_write = os.access(path, os.W_OK)  # so another notebook may be writing
-    with own_folder.locked(path) if can_write else nullcontext():
-        found = results.read(path, rewriting=STAGES[last + 1 :])
+    with whole_files.locked(path) if can_write else nullcontext():
+        found = results.read(path)
     lacking = [stage for stage in stages if not results.has(found, stage)]
     if lacking:
         raise FlightError([_not_run(path, lacking, flight)])
-    _check_flight(path, _origin(found.run), flight, STAGES[: last + 1])
+    _check_flight(path, _origin(found.run).stages, flight)
     return found
 
 
@@ -186,17 +178,12 @@ def _not_run(folder: Path, stages: Sequence[str], flight: Flight) -> str:
     )
 
 
-def check_kept(run: Run, stage: str) -> None:
-    """Raise a FlightError where a stage was run with another flight than the one kept beside it."""
-    _check_flight(run.folder, run.provenance, run.flight, [stage])
-
-
-def _check_flight(folder: Path, origin: Provenance, flight: Flight, stages: Iterable[str]) -> None:
+def _check_flight(folder: Path, stages: Mapping[str, Mapping[str, object]], flight: Flight) -> None:
     """Raise a FlightError where some stages were run with another flight, with both flights."""
-    mine, stamped = identity(flight), {s: e["flight"] for s, e in origin.stages.items()}
-    foreign = [stage for stage in stages if stamped.get(stage, mine["sha256"]) != mine["sha256"]]
+    mine = identity(flight)
+    foreign = [stage for stage, entry in stages.items() if entry["flight"] != mine["sha256"]]
     if foreign:
-        theirs = str(stamped[foreign[0]])[:12]
+        theirs = str(stages[foreign[0]]["flight"])[:12]
         this = f"{mine['name']!r} (SHA-256 {mine['sha256'][:12]}, {flight.path})"
         problem = (
             f"{folder}: the results of stage {', '.join(foreign)} are of another flight (SHA-256 "
@@ -206,35 +193,7 @@ def _check_flight(folder: Path, origin: Provenance, flight: Flight, stages: Iter
         raise FlightError([problem])
 
 
-def _check_calibration(
-    folder: Path, origin: Provenance, stage: str, calibration: Mapping[str, object] | None
-) -> None:
-    """Check that results have one calibration: the flight's own, or an earlier flight's."""
-    other = {"mounting": "validation", "validation": "mounting"}.get(stage, "")
-    given = calibration or ("calibration" in origin.stages.get(other, {}))
-    if other in origin.stages and given:
-        problem = (
-            f"{folder}: has the flight's own calibration beside a validation of an earlier one's; "
-            "choose another folder for one of them"
-        )
-        raise FlightError([problem])
-
-
 # --- how stages change the results folder of a flight ----------------------------------------
-
-
-@contextmanager
-def _claimed(folder: Path, flight: Flight) -> Iterator[None]:
-    """Claim a folder for the results of a flight, or raise an OutputError."""
-    is_kept = flight.path.resolve() == (folder / KEPT).resolve() and bool(read(folder).files)
-    away = [] if is_kept or flight.path == PLACE else [flight.path]
-    with own_folder.claim(folder, signs=SIGNS, away_from=away, wait=own_folder.WAIT):
-        if not (folder / SIGNS[0]).exists():
-            others = [name for name in results.FILES if (folder / name).exists()]
-            if others:
-                msg = f"{folder}: {others[0]} is not of acx4; choose a new or empty folder"
-                raise OutputError(msg)
-        yield
 
 
 def begin(
@@ -242,63 +201,37 @@ def begin(
     flight: Flight,
     stages: Sequence[str],
     *,
-    skipped: Iterable[str] = (),
     calibration: Mapping[str, object] | None = None,
 ) -> None:
-    """Prepare a results folder for a run: keep the flight, remove what it will not replace.
+    """Prepare a results folder for a run: keep the flight, remove the results of its stages.
 
     Parameters
     ----------
     folder : Path
     flight : Flight
     stages : sequence of str
-        Of `folder.STAGES`, those that will be replaced; what they left of another flight, or with
-        the calibration of an earlier one, is removed now.
-    skipped : iterable of str
-        Of `table_files.NOTEBOOKS`, those whose results are removed.
+        Of `folder.STAGES`, those that will be run.
     calibration : mapping, optional
         Origin of the calibration of an earlier flight that will be validated.
 
     Raises
     ------
     FlightError
-        Other stages are of another flight, unless all will be replaced.
+        Other stages are of another flight.
     OutputError
         The folder must not be used for results, or another process is writing there.
     """
-    all_stages = {*stages} >= {*STAGES}
-    with _claimed(folder, flight):
-        try:
-            run = results.read_summary(folder)[1]
-            results.check_ended(folder, run, stages)
-        except FlightError:
-            if not all_stages:
-                raise
-            run = {}
-        old, mine = _origin(run), identity(flight)["sha256"]
-        left = {stage: entry for stage, entry in old.stages.items() if stage not in stages}
-        _check_flight(folder, Provenance(files={}, stages=left), flight, left)
-        for stage in stages:
-            _check_calibration(folder, Provenance(files={}, stages=left), stage, calibration)
-        stale = [
-            stage
-            for stage in stages
-            if stage == run.get("writing")
-            or old.stages.get(stage, {}).get("flight", mine) != mine
-            or "calibration" in old.stages.get(stage, {})
-        ]
-        gone = [*(f"{PART_OF[s]}/{s}" if s in PART_OF else s for s in skipped), *stale]
-        if all_stages and not results.is_whole(folder):
-            gone = [*STAGES]
-        kept = {stage: entry for stage, entry in old.stages.items() if stage not in gone}
-        _replace(folder, gone, {}, {}, flight, old.files, kept)
+    with _claimed(folder):
+        left = {s: entry for s, entry in read(folder).stages.items() if s not in stages}
+        _check_flight(folder, left, flight)
+        _check_calibration(folder, {*left, *stages}, calibration)
+        _replace(folder, stages, (), flight, left)
 
 
 def write(
     folder: str | Path,
     stage: str,
-    tables: Mapping[str, results.Rows],
-    summary: Mapping[str, Mapping[str, object]],
+    records: Iterable[Record],
     *,
     flight: Flight,
     calibration: Mapping[str, object] | None = None,
@@ -310,11 +243,11 @@ def write(
     ----------
     folder : path
     stage : str
-    tables, summary
-        As `folder.replace` takes them.
+        All its old rows are removed, even those of methods without a new record.
+    records : iterable of Record
     flight : Flight
     calibration : mapping, optional
-        Origin of the validated calibration of an earlier flight, `earlier.Earlier.origin`.
+        Origin of the validated calibration of an earlier flight, `read_back.Earlier.origin`.
     methods : sequence of str
         Methods of the stage that are replaced; by default all.
 
@@ -326,35 +259,62 @@ def write(
         The folder must not be used for results, or another process is writing there.
     """
     path, mine = Path(folder), identity(flight)
-    with _claimed(path, flight):
-        old = read(path)
-        _check_flight(path, old, flight, [s for s in old.stages if s != stage or methods])
-        _check_calibration(path, old, stage, calibration)
+    with _claimed(path):
+        old = read(path).stages
+        others = {s: entry for s, entry in old.items() if s != stage or methods}
+        _check_flight(path, others, flight)
         entry: dict[str, object] = {"flight": mine["sha256"], "versions": versions()}
         entry |= {"calibration": dict(calibration)} if calibration else {}
-        named = {key: {**of, "flight": mine} for key, of in summary.items()}
+        stages = {**old, stage: entry}
+        _check_calibration(path, stages, stages.get("validation", {}).get("calibration"))
         replaced = [f"{stage}/{method}" for method in methods] or [stage]
-        _replace(path, replaced, tables, named, flight, old.files, {**old.stages, stage: entry})
+        _replace(path, replaced, records, flight, stages)
+
+
+def _claimed(folder: Path) -> AbstractContextManager[Path]:
+    return whole_files.claim(
+        folder, signs=["summary.json"], besides=[EXECUTED, FAILED], wait=whole_files.WAIT
+    )
+
+
+def _check_calibration(folder: Path, stages: Iterable[str], calibration: object) -> None:
+    """Check that results have one calibration: the flight's own, or an earlier flight's."""
+    if calibration and "mounting" in stages:
+        problem = (
+            f"{folder}: has the flight's own calibration beside a validation of an earlier one's; "
+            "choose another folder for one of them"
+        )
+        raise FlightError([problem])
 
 
 def _replace(
     folder: Path,
     replaced: Sequence[str],
-    tables: Mapping[str, results.Rows],
-    summary: Mapping[str, Mapping[str, object]],
+    records: Iterable[Record],
     flight: Flight,
-    files_before: Mapping[str, str],
     stages: Mapping[str, Mapping[str, object]],
 ) -> None:
-    """Replace results, with the copies of the flight's tables."""
-    files = checksums(flight)
-    kept, contents = folder / KEPT, {}
-    for name, sha256 in files.items():
-        if flight.path != PLACE and sha256_of(kept / name) != sha256:
-            contents[f"{KEPT}/{name}"] = content = (flight.path / name).read_bytes()
-            if hashlib.sha256(content).hexdigest() != sha256:
-                raise FlightError([f"{flight.path / name}: changed while it was read; run again"])
+    """Replace results, and the copies of the flight's tables beside them."""
+    tables: dict[str, list[pd.DataFrame]] = {name: [] for name in COLUMNS}
+    summary: dict[str, dict[str, object]] = {}
+    for record in records:
+        for name, frame in record.tables.items():
+            tables[name].append(frame)
+        summary |= {key: {**of, "flight": identity(flight)} for key, of in record.summary.items()}
+    files, kept = checksums(flight), folder / KEPT
+    before = read(folder).files
+    new = [name for name, sha256 in files.items() if sha256_of(kept / name) != sha256]
+    if flight.path == PLACE:
+        new = []
+    contents = {f"{KEPT}/{name}": (flight.path / name).read_bytes() for name in new}
     run = {"flight": identity(flight), "files": files, "stages": stages}
-    results.replace(folder, replaced, tables=tables, summary=summary, run=run, kept=contents)
-    for name in files_before.keys() - files.keys():
+    results.replace(
+        folder,
+        replaced,
+        tables=tables,
+        summary=summary,
+        run=run,
+        kept=contents,
+    )
+    for name in before.keys() - files.keys():
         (kept / name).unlink(missing_ok=True)

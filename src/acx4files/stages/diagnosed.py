@@ -7,28 +7,25 @@ from dataclasses import asdict
 
 import numpy as np
 
-from acx4files.results import adjustments
-from acx4files.results.adjustments import Record, of_failure, of_left_out
-from acx4lib.bundle import variance_components
+from acx4files.results import sentences, tables
+from acx4files.results.folder import Record
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.variance_components import BOUNDS, Component
-from acx4lib.calibration import common_errors, determination, diagnosis, held, trajectory_errors
-from acx4lib.calibration.diagnosis import Diagnosis
+from acx4lib.calibration import diagnosis, held
+from acx4lib.calibration.determination import interior_exterior, largest_pairs
+from acx4lib.calibration.diagnosis import Diagnosis, Weak
 from acx4lib.calibration.estimates import (
     LIMIT_SCALE,
     RIGS,
     SIGMAS_OF_SCALE,
     TWO_STEP,
     Calibration,
-    not_determined,
-    rough_boresights,
 )
 from acx4lib.calibration.held import ONE_SIGMA, Held
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.calibration.stability import Turns
-from acx4lib.georeferencing import freed, weak
+from acx4lib.georeferencing import budget
 from acx4lib.georeferencing.validation import Validation
-from acx4lib.georeferencing.weak import Weak
 
 MANY_REJECTED = 0.005
 """Share of rejected image points above which a user is warned; chance rejects 1/20 of it."""
@@ -43,8 +40,12 @@ OPTIONAL = (*TWO_STEP, *RIGS)
 def of_head(name: str, bundle: Bundle) -> Record:
     """Return the record of a head that was adjusted by itself."""
     key, of_bundle = f"heads/bundle/{name}", diagnosis.of(bundle)
-    entry = {**_entries(key, "bundle", of_bundle), **_held_entries(held.of_bundle(bundle))}
-    return adjustments.of_bundle(key, bundle, of_bundle.calibration, entry)
+    entry = {
+        **_entries(key, "bundle", of_bundle),
+        **_held_entries(held.of_bundle(bundle)),
+        "largest_correlations": {**largest_pairs(interior_exterior(bundle))},
+    }
+    return tables.of_bundle(key, bundle, of_bundle.calibration, entry)
 
 
 def of_mounting(
@@ -69,11 +70,12 @@ def of_mounting(
         **_weak_entries(key, mounting.method, found, over_ground=over_ground),
         **_held_entries(tested),
     }
-    moved = freed.on_ground(mounting, tested) if mounting.by_bundle is None else None
+    moved = budget.displacement(mounting, tested) if mounting.by_bundle is None else None
     if moved is not None:
-        entry["held_effect_m"] = moved.largest_m.tolist()
-        entry["held_effect_sigma"] = moved.largest_sigma.tolist()
-    return adjustments.of_bundle(key, mounting.bundle, mounting.calibration, entry)
+        d, sigma = moved
+        entry["held_effect_m"] = np.abs(d).max(axis=0).tolist()
+        entry["held_effect_sigma"] = np.abs(d / sigma).max(axis=0).tolist()
+    return tables.of_bundle(key, mounting.bundle, mounting.calibration, entry)
 
 
 def of_mountings(
@@ -90,11 +92,8 @@ def of_mountings(
         of_mounting(m, applied=applied, over_ground=over_ground) for m in mountings.methods.values()
     ]
     for method, reason in mountings.failures.items():
-        if method == "single_step":
-            key = f"mounting/{method}"
-            records.append(of_failure("mounting", method, f"{key}: {reason}", summary_key=key))
-        else:
-            records.append(of_left_out("mounting", method, reason))
+        of = "not_determined" if method == "single_step" else "left_out"
+        records.append(tables.not_adjusted(f"mounting/{method}", reason, of=of))
     return records
 
 
@@ -120,17 +119,17 @@ def of_validations(
     """
     if not validations:
         reason = "no method has all its parameters determined"
-        return [of_left_out("validation", "all", reason)]
+        return [tables.not_adjusted("validation/all", reason)]
     records = []
     for validation in validations:
         entry: dict[str, object] = {}
         calibration = (calibrations or {}).get(validation.method)
         if calibration and validation.method not in TWO_STEP and not validation.stopped:
-            shares = weak.shares(validation.points.sources, calibration)
-            found = weak.of_calibration(calibration, shares)
+            shares = budget.parameter_shares(validation.points.sources, calibration)
+            found = diagnosis.of_shares(calibration, shares)
             key = f"validation/{validation.method}"
             entry = _entries_of_weak(key, found, features, late=late)
-        records.append(adjustments.of_validation(validation, entry))
+        records.append(tables.of_validation(validation, entry))
     return records
 
 
@@ -144,14 +143,14 @@ def _entries(key: str, method: str, found: Diagnosis) -> dict[str, object]:
     unknown = [
         f"{key}: {line}"
         for line in (
-            *not_determined(calibration, found.features),
-            *trajectory_errors.not_determined(bundle),
+            *sentences.not_determined(calibration, found.features),
+            *sentences.trajectory_not_determined(bundle),
         )
         if not bundle.stopped
     ]
     # a held lever arm, or a group that contradicts the others, makes right sigma look wrong
     judged = () if method in TWO_STEP or bundle.stopped else found.components
-    notes = (*_notes(method, found), *variance_components.sentences(judged))
+    notes = (*_notes(method, found), *sentences.sigmas(judged))
     return {
         "expected_rejections": found.expected_rejections,
         "condition": bundle.solution.condition,
@@ -163,7 +162,16 @@ def _entries(key: str, method: str, found: Diagnosis) -> dict[str, object]:
         else {"strips": _turns(found.between_strips), "drift": _turns(found.over_time)},
         "not_determined": unknown,
         "left_out": unknown if method in OPTIONAL else [],
-        "sigma_factors": variance_components.as_json(found.components),
+        "sigma_factors": {
+            c.group: {
+                "factor": c.factor if c.estimable else None,
+                "sigma": c.sigma if c.estimable else None,
+                "applied": c.applied,
+                "redundancy": c.redundancy,
+                "effective_redundancy": c.effective,
+            }
+            for c in found.components
+        },
         "sigma_tests": {
             test.group: {k: v for k, v in asdict(test).items() if k != "group"}
             for test in found.sigma_tests
@@ -181,16 +189,20 @@ def _declared_entries(key: str, method: str, found: Diagnosis) -> dict[str, obje
     return {
         "declared": {
             f"{c.camera}/{c.part.replace(' ', '_')}": {
-                "difference": list(c.difference),
+                "difference": np.where(c.declared, c.difference, np.nan).tolist(),
                 "p": c.p,
-                "confirmed": not c.objection,
-                "told": c.statement,
-                "mistake": c.mistake,
+                "confirmed": c.confirmed,
+                "told": sentences.difference(c),
+                "mistake": sentences.mistake(c),
             }
             for c in declared
         },
-        "not_confirmed": [f"{key}: {c.sentence}" for c in declared if c.objection],
-        "approximations": [f"{key}: {c.remark}" for c in declared if c.remark],
+        "not_confirmed": [
+            f"{key}: {sentences.not_confirmed(c)}" for c in declared if not c.confirmed
+        ],
+        "approximations": [
+            f"{key}: {line}" for c in declared if (line := sentences.approximation(c))
+        ],
     }
 
 
@@ -219,19 +231,17 @@ def _weak_entries(
     bundle, calibration = found.bundle, found.calibration
     if bundle.stopped or method in TWO_STEP:
         return {}
-    weak_parameters = weak.of_bundle(bundle, calibration)
-    if over_ground:
-        shares = weak.shares_at_corners(calibration, bundle.network.block)
-        weak_parameters += weak.of_calibration(calibration, shares, of=weak.CORNERS)
+    block = bundle.network.block
+    shares = budget.shares_at_corners(calibration, block) if over_ground else None
     late = bool(bundle.network.layout.delay[0] >= 0)
-    return _entries_of_weak(key, weak.together(weak_parameters), found.features, late=late)
+    return _entries_of_weak(key, found.weak(shares), found.features, late=late)
 
 
 def _entries_of_weak(
     key: str, weak_parameters: Sequence[Weak], has: frozenset[str], *, late: bool
 ) -> dict[str, object]:
     return {
-        "weak": [f"{key}: {line}" for line in weak.sentences(weak_parameters, has, late=late)],
+        "weak": [f"{key}: {line}" for line in sentences.weak(weak_parameters, has, late=late)],
         "weak_parameters": {
             entry.parameter.full_name: {
                 "sigma": entry.parameter.sigma,
@@ -276,11 +286,11 @@ def _notes(method: str, found: Diagnosis) -> list[str]:
     left_out = bundle.network.left_out.items()
     notes = [f"{n} tie point{'s' * (n > 1)} {reason} left out" for reason, n in left_out]
     of_sigma = (
-        rough_boresights(calibration),
-        common_errors.enlarged_sentence(calibration),
-        common_errors.turned_sentence(calibration.turns),
+        sentences.rough_boresights(calibration),
+        sentences.enlarged(calibration),
+        sentences.turned(calibration.turns),
     )
-    notes += filter(None, (determination.beyond_precision(bundle), *of_sigma))
+    notes += filter(None, (sentences.beyond_precision(bundle), *of_sigma))
     n_measured = len(bundle.network.block.image_points)
     n_rejected = sum(r.kind == "image_point" for r in bundle.rejected)
     # the two-step methods take over the rejections of the single step, which has the note
@@ -294,5 +304,5 @@ def _notes(method: str, found: Diagnosis) -> list[str]:
         )
     by_course = found.by_course
     if by_course is not None and by_course.differs:
-        notes.append(by_course.sentence)
-    return [*notes, *trajectory_errors.notes(bundle)]
+        notes.append(sentences.by_course(by_course))
+    return [*notes, *sentences.on_trajectory(bundle)]

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from acx4files.flight.reader import Flight
-from acx4files.results import adjustments
+from acx4files.results import provenance, tables
 from acx4files.stages import diagnosed
 from acx4lib.attempts import Failed, attempt
-from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration import held
-from acx4lib.calibration.determination import interior_exterior, largest_pairs
 from acx4lib.calibration.heads import (
     Heads,
     RelativeOrientation,
@@ -41,12 +38,7 @@ def run(flight: Flight, results_path: str | Path) -> HeadsStage:
 
 def calibrate(flight: Flight) -> HeadsStage:
     """Adjust every head of the block heads separately, and orient the heads to each other."""
-    heads = calibrate_heads(
-        flight.block("heads"),
-        flight.head_names,
-        free=flight.estimate_heads,
-        refraction=flight.refraction,
-    )
+    heads = calibrate_heads(flight.block("heads"), flight.head_names, flight.heads_model)
     return HeadsStage(heads, attempt(relative_orientation, heads, flight.synthetic_camera))
 
 
@@ -57,19 +49,17 @@ def write(
     orientation: RelativeOrientation | Failed,
 ) -> None:
     """Write the results of the heads, failures included."""
-    records = [_record(name, fit) for name, fit in heads.bundles.items()]
+    records = [diagnosed.of_head(name, fit) for name, fit in heads.bundles.items()]
     for name, reason in heads.failures.items():
-        key = f"heads/bundle/{name}"
-        failure = adjustments.of_failure("heads", "bundle", f"{key}: {reason}", summary_key=key)
-        records.append(failure)
-    method = "relative_orientation"
+        records.append(tables.not_adjusted(f"heads/bundle/{name}", reason, of="not_determined"))
+    key = "heads/relative_orientation"
     if isinstance(orientation, Failed):
-        records.append(adjustments.of_left_out("heads", method, orientation.reason))
+        records.append(tables.not_adjusted(key, orientation.reason))
     else:
         synthetic = flight.synthetic_camera
         effect = {} if synthetic is None else _held_effect(heads, orientation, synthetic)
-        records.append(adjustments.of_relative_orientation("heads", method, orientation, **effect))
-    adjustments.write(results_path, "heads", records, flight=flight)
+        records.append(tables.of_relative_orientation(key, orientation, **effect))
+    provenance.write(results_path, "heads", records, flight=flight)
 
 
 def _held_effect(
@@ -84,11 +74,3 @@ def _held_effect(
     px = [d / synthetic.pixel_mm for d in displacements(orientation, after)]
     rms = [float(np.sqrt(np.mean(np.sum(d**2, axis=1)))) for d in px]
     return {"held_effect_px": dict(zip(freed, rms, strict=True))}
-
-
-def _record(name: str, fit: Bundle) -> adjustments.Record:
-    """Return the record of a head, with its largest correlations in the summary."""
-    key = f"heads/bundle/{name}"
-    record = diagnosed.of_head(name, fit)
-    largest: dict[str, object] = {**largest_pairs(interior_exterior(fit))}
-    return replace(record, summary={key: {**record.summary[key], "largest_correlations": largest}})

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acx4files.flight.reader import Flight
-from acx4files.images.exposure import spread
+from acx4files.images.flight_images import spread
 from acx4files.images.head_images import head_files, read_heads
 from acx4lib import shown
 from acx4lib.calibration.heads import RelativeOrientation

@@ -10,13 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acx4files.flight.reader import Flight
-from acx4files.results import adjustments, folder, provenance
-from acx4files.results.adjustments import (
-    Record,
-    of_left_out,
-    of_relative_orientation,
-    of_transferred,
-)
+from acx4files.results import folder, provenance, tables
 from acx4files.results.read_back import read_relative_orientation
 from acx4files.stages.pictures import FoundTies, find, read_pictures
 from acx4lib import shown
@@ -250,26 +244,28 @@ def write(
     transferred : mapping of str to TransferredPoints
         By block; empty where the flight is measured in synthetic images.
     """
-    points = [of_transferred(flight, transferred)] if transferred else []
-    rows = [*_records(refinement), *points]
-    adjustments.write(results_path, "synthetic", rows, flight=flight)
+    key = "synthetic/refined"
+    if "rotations" in refinement.fits:
+        orientation, entries = refinement.orientation, _entries(key, refinement)
+        records = [tables.of_relative_orientation(key, orientation, **entries)]
+    else:
+        records = [tables.not_adjusted(key, refinement.reasons["rotations"])]
+    if transferred:
+        records.append(tables.of_transferred(flight, transferred))
+    provenance.write(results_path, "synthetic", records, flight=flight)
 
 
-def _records(refinement: Refinement) -> list[Record]:
-    """Return the records of the stage for a results folder."""
-    reason = refinement.reasons.get("rotations")
-    if reason is not None:
-        return [of_left_out("synthetic", "refined", reason)]
+def _entries(key: str, refinement: Refinement) -> dict[str, object]:
+    """Return the entries of summary.json on the refinement by rotations."""
     fit = refinement.fits["rotations"]
     n_turned = len(refinement.orientation.heads) - 1 - len(fit.unreached)
     n_observations, n_unknowns = 2 * len(refinement.kept), 3 * n_turned
     notes = list(filter(None, (fit.sentence, *refinement.warnings)))
-    entries = {
+    return {
         "n_observations": n_observations,
         "n_unknowns": n_unknowns,
         "redundancy": n_observations - n_unknowns,
         "sigma0_squared": fit.sigma0**2,
         "n_rejected": int(fit.rejected.sum()),
-        **({"notes": [f"synthetic/refined: {note}" for note in notes]} if notes else {}),
+        **({"notes": [f"{key}: {note}" for note in notes]} if notes else {}),
     }
-    return [of_relative_orientation("synthetic", "refined", refinement.orientation, **entries)]

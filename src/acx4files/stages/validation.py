@@ -2,45 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 from acx4files.flight.reader import Flight
-from acx4files.results import adjustments, earlier, folder, provenance, read_back
-from acx4files.results.adjustments import Record, mounted_block
-from acx4files.results.earlier import Earlier
+from acx4files.results import provenance, sentences, tables
+from acx4files.results.folder import Record
+from acx4files.results.read_back import (
+    Earlier,
+    calibrated,
+    calibrations_for,
+    mounted_block,
+    read_earlier,
+    rigs_for,
+)
 from acx4files.stages.diagnosed import of_validations
-from acx4files.stages.rig import of_attitudes
 from acx4lib.attempts import attempt
 from acx4lib.block import Block
 from acx4lib.calibration.estimates import Calibration, features
-from acx4lib.georeferencing.validation import Validation, predict, validate
+from acx4lib.georeferencing.validation import Prediction, Validation, predict, validate
 from acx4lib.shown import ByName
 
 
-class ValidationStage(NamedTuple):
-    """The validation block, georeferenced by every calibration.
+class Before(NamedTuple):
+    """What is validated: by this flight's own stages, or by an earlier flight's.
 
     Attributes
     ----------
+    block : Block
+        Points measured in heads are transferred.
     calibrations : dict of str to Calibration
         By method, those whose parameters are all determined.
-    validations : list of Validation
-        One for each of them.
-    in_heads : list of Validation
-        One for each rig, in the images of the heads, where the block is measured in them.
+    rigs : dict of str to Calibration
+        Of the heads, by method, where the block is measured in them.
+    earlier : Earlier or None
+        The earlier flight.
     """
 
-    calibrations: Mapping[str, Calibration]
-    validations: list[Validation]
-    in_heads: list[Validation]
+    block: Block
+    calibrations: ByName[Calibration]
+    rigs: ByName[Calibration]
+    earlier: Earlier | None = None
 
 
 def run(
     flight: Flight, results_path: str | Path, calibration_path: str | Path = ""
-) -> ValidationStage:
+) -> dict[str, Validation]:
     """Validate the calibrations of stage mounting, and write the results.
 
     Parameters
@@ -52,6 +60,11 @@ def run(
     calibration_path : path, optional
         Results of an earlier flight, whose calibrations are validated in their place.
 
+    Returns
+    -------
+    dict of str to Validation
+        By method; those of rigs are in the images of the heads.
+
     Raises
     ------
     FlightError
@@ -60,95 +73,34 @@ def run(
     AdjustmentError
         Where nothing can be computed with the numbers of the block.
     """
-    before = _before(flight, results_path, calibration_path)
-    found = _validations(flight, before.block, before.calibrations)
-    in_heads = _validations(flight, flight.block("validation"), before.rigs)
-    records = _records(flight, [*found, *in_heads], {**before.calibrations, **before.rigs})
-    _write(flight, results_path, records, before.earlier)
-    return ValidationStage(before.calibrations, found, in_heads)
+    before, found = read(flight, results_path, calibration_path), {}
+    for method, calibration in before.calibrations.items():
+        found[method] = validate(before.block, calibration, method=method)
+    for method, calibration in before.rigs.items():
+        found[method] = validate(flight.block("validation"), calibration, method=method)
+    known = {**before.calibrations, **before.rigs}
+    write(flight, results_path, found, known, before.earlier)
+    return found
 
 
-# --- what is validated -----------------------------------------------------------------------
-
-
-def measured(flight: Flight, results_path: str | Path, calibration_path: str | Path = "") -> Block:
-    """Return the validation block; points measured in heads are transferred.
-
-    Parameters
-    ----------
-    flight, results_path, calibration_path
-        As in `run`; raises as this does, here and below.
-    """
-    return _before(flight, results_path, calibration_path).block
-
-
-def calibrations(
-    flight: Flight, results_path: str | Path, calibration_path: str | Path = ""
-) -> ByName[Calibration]:
-    """Return the calibrations whose parameters are all determined, by method.
-
-    Parameters
-    ----------
-    flight, results_path, calibration_path
-        As in `run`.
-    """
-    return ByName(_before(flight, results_path, calibration_path).calibrations)
-
-
-def calibrated_rigs(
-    flight: Flight, results_path: str | Path, calibration_path: str | Path = ""
-) -> ByName[Calibration]:
-    """Return the calibrations of the heads, by method, if the block is measured in them.
-
-    Parameters
-    ----------
-    flight, results_path, calibration_path
-        As in `run`.
-    """
-    return ByName(_before(flight, results_path, calibration_path).rigs)
-
-
-def whose(flight: Flight, calibration_path: str | Path) -> str:
-    """Return a sentence on the earlier flight whose calibrations are validated; empty without."""
-    return earlier.read(calibration_path, flight).sentence if str(calibration_path) else ""
-
-
-class _Before(NamedTuple):
-    """What is validated: by this flight's own stages, or by an earlier flight's."""
-
-    block: Block
-    calibrations: Mapping[str, Calibration]
-    rigs: Mapping[str, Calibration]
-    earlier: Earlier | None = None
-
-
-def _before(flight: Flight, results_path: str | Path, calibration_path: str | Path) -> _Before:
-    """Read the results of the previous stages, or those of an earlier flight."""
-    in_heads = "validation" in flight.transferred
-    heads = flight.block("validation")
+def read(flight: Flight, results_path: str | Path, calibration_path: str | Path = "") -> Before:
+    """Read what is validated; arguments and errors are those of `run`."""
+    in_heads, heads = "validation" in flight.transferred, flight.block("validation")
+    rigs: Mapping[str, Calibration] = {}
     if str(calibration_path):
-        given = earlier.read(calibration_path, flight)
-        block = given.block(flight)
-        rigs = given.rigs(heads) if in_heads else {}
-        return _Before(block, given.calibrations(block), rigs, given)
+        earlier = read_earlier(calibration_path, flight)
+        block, found = earlier.block(flight), earlier.run.found
+        if in_heads:
+            rigs = rigs_for(found, earlier.declared(heads))
+        known = calibrated(found, earlier.declared(block))
+        return Before(block, ByName(known), ByName(rigs), earlier)
     needed = {"synthetic": in_heads, "mounting": bool(flight.calibration)}
     stages = [stage for stage, is_needed in needed.items() if is_needed]
     found = provenance.results_before(results_path, stages, flight)
     block = mounted_block(flight, "validation", found)
-    own = read_back.calibrations_for(flight, found, block.cameras)
-    return _Before(block, own, read_back.rigs_for(found, heads.cameras) if in_heads else {})
-
-
-# --- results ---------------------------------------------------------------------------------
-
-
-def _validations(
-    flight: Flight, block: Block, calibrations: Mapping[str, Calibration]
-) -> list[Validation]:
-    return [
-        validate(block, calibration, method=method, refraction=flight.refraction)
-        for method, calibration in calibrations.items()
-    ]
+    if in_heads:
+        rigs = rigs_for(found, heads.cameras)
+    return Before(block, ByName(calibrations_for(flight, found, block.cameras)), ByName(rigs))
 
 
 def write(
@@ -156,7 +108,7 @@ def write(
     results_path: str | Path,
     validations: Mapping[str, Validation],
     calibrations: Mapping[str, Calibration],
-    calibration_path: str | Path = "",
+    earlier: Earlier | None = None,
 ) -> None:
     """Write the results of all validations.
 
@@ -168,67 +120,36 @@ def write(
         By method, those in the images of the heads among them.
     calibrations : mapping of str to Calibration
         By method, that of every validation.
-    calibration_path : path, optional
-        Results of the earlier flight whose calibrations they are.
+    earlier : Earlier, optional
+        The earlier flight whose calibrations they are; the first record has a note on it.
     """
-    before = earlier.read(calibration_path, flight) if str(calibration_path) else None
-    records = _records(flight, list(validations.values()), calibrations)
-    _write(flight, results_path, records, before)
-
-
-def _records(
-    flight: Flight, validations: Sequence[Validation], calibrations: Mapping[str, Calibration]
-) -> list[Record]:
     flown = flight.blocks.get("calibration")
     has = frozenset() if flown is None else features(flown)
-    records = of_validations(validations, calibrations, has, late="delay" in flight.gnss)
-    if not validations:
-        return records
-    return [
-        _with_prediction(flight, record, validation, calibrations[validation.method])
-        for record, validation in zip(records, validations, strict=True)
-    ]
+    records = of_validations(
+        [*validations.values()], calibrations, has, late="delay" in flight.gnss
+    )
+    for i, (method, validation) in enumerate(validations.items()):
+        records[i] = _with_prediction(flight, records[i], validation, calibrations[method])
+    origin = earlier.origin if earlier else None
+    if earlier:
+        for i, record in enumerate(records):
+            method = next(iter(record.summary)).rpartition("/")[2]
+            entries = {"calibration": {**earlier.origin, "method": f"mounting/{method}"}}
+            records[i] = tables.extended(record, entries, [])
+        records[0] = tables.extended(records[0], {}, [earlier.sentence], of="validation")
+    provenance.write(results_path, "validation", records, flight=flight, calibration=origin)
 
 
 def _with_prediction(
     flight: Flight, record: Record, validation: Validation, calibration: Calibration
 ) -> Record:
     """Add to a record how well exposures are predicted, for a block without check points."""
-    if len(validation.block.check) or not len(validation.block.image_points):
+    block = validation.block
+    if len(block.check) or not len(block.image_points):
         return record
-    prediction = attempt(
-        predict,
-        validation.block,
-        calibration,
-        method=validation.method,
-        refraction=flight.refraction,
-        gnss=of_attitudes(flight.gnss),
-    )
-    return adjustments.with_prediction(record, prediction)
-
-
-def _write(
-    flight: Flight,
-    results_path: str | Path,
-    records: Sequence[Record],
-    before: Earlier | None,
-) -> None:
-    """Write the records; the first has a note on the origin of the calibrations."""
-    origin = None
-    if before is not None:
-        origin = before.origin
-        notes = [[f"validation: {before.sentence}"], *([] for _ in records[1:])]
-        records = [
-            _named(record, origin, note) for record, note in zip(records, notes, strict=True)
-        ]
-    adjustments.write(results_path, "validation", records, flight=flight, calibration=origin)
-
-
-def _named(record: Record, origin: Mapping[str, object], notes: Sequence[str]) -> Record:
-    """Add the origin of an earlier flight's calibration to the record of a validation."""
-    entries = {}
-    for key, entry in record.summary.items():
-        calibration = {**origin, "method": f"mounting/{key.rpartition('/')[2]}"}
-        all_notes = [*folder.messages(entry, "notes"), *notes]
-        entries[key] = {**entry, "calibration": calibration, "notes": all_notes}
-    return replace(record, summary=entries)
+    found = attempt(predict, block, calibration, flight.heads_model, method=validation.method)
+    if isinstance(found, Prediction):
+        return tables.extended(
+            record, tables.prediction_entries(found), [sentences.prediction(found)]
+        )
+    return tables.extended(record, {}, [f"exposures are not predicted: {found.reason}"])

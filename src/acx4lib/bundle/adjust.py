@@ -31,25 +31,25 @@ from acx4lib.bundle.rejections import Rejection, Stopped
 from acx4lib.bundle.start import (
     ASTRAY,
     far_off,
-    in_front,
-    recovered,
+    prepared,
     resected,
-    robust_phase,
-    start_points,
+    robust_start,
     suspects,
     with_estimates,
+    with_measurements,
 )
-from acx4lib.bundle.unknowns import Layout, State, free_shift, holding, layout
+from acx4lib.bundle.unknowns import Layout, State, holding, layout
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import SMALLEST_F_MM, Camera, mountings
-from acx4lib.geometry.collinearity import REFRACTION, mounted_jacobian
+from acx4lib.geometry.collinearity import mounted_jacobian
 from acx4lib.geometry.frames import Pose
-from acx4lib.geometry.parameters import ATTITUDE, MOUNT, TRAJECTORY
-from acx4lib.least_squares import adjustment, processors
+from acx4lib.geometry.parameters import ATTITUDE
+from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.adjustment import Solution
 from acx4lib.least_squares.covariance import propagate
 from acx4lib.least_squares.reduced_system import held_at_zero
+from acx4lib.model import Model
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,10 +57,9 @@ if TYPE_CHECKING:
 
 def free_orientation(
     block: Block,
+    model: Model,
     *,
-    free: Sequence[str],
     positions: PoseObservations | None = None,
-    refraction: str = "none",
     start: State | None = None,
     held: Sequence[str] = (),
     smallest_angle: float | None = None,
@@ -72,12 +71,10 @@ def free_orientation(
     Parameters
     ----------
     block : Block
-    free : sequence of str
-        Interior parameters to estimate, names of `camera.INTERIOR`.
+    model : Model
+        Its `fix` and `gnss` have no effect.
     positions : PoseObservations, optional
         Observed camera poses, one per image.
-    refraction : str
-        ``"none"`` or ``"standard"``.
     start : State, optional
         Where to begin, by another adjustment of the block: interior orientations, the poses of the
         images' cameras, and points, NaN where it has none. The trajectory still decides which
@@ -93,7 +90,7 @@ def free_orientation(
     AdjustmentError
         As `start.resected`, where the block has no trajectory and there is no start.
     ValueError
-        For an unknown name, or if there is not one position, or start, per image.
+        For an unknown name in `held`, or if there is not one position, or start, per image.
     """
     if smallest_angle is not None:
         block = replace(block, smallest_angle=smallest_angle)
@@ -108,13 +105,15 @@ def free_orientation(
     )
     network = _network(
         block,
-        poses=_Poses(names=block.images.names, idx=np.arange(n_images), T_m_b=T_m_c),
-        columns=layout(len(block.cameras), n_images, free=free),
+        model,
+        names=block.images.names,
+        idx=np.arange(n_images),
+        columns=layout(len(block.cameras), n_images, free=model.free),
         observed=positions or _unobserved(T_m_c),
-        T_b_c=identity,
-        refraction=refraction,
-        better=replace(start, T_b_c=identity) if start else None,
+        at=_declared(block, T_m_c, identity),
     )
+    if start is not None:
+        network = _beginning_near(network, replace(start, T_b_c=identity))
     if not held:
         return network
     expected.names_of("held", held, block.images.names)
@@ -135,11 +134,8 @@ def _unobserved(T_m_b: Pose) -> PoseObservations:
 
 def mounted_orientation(
     block: Block,
+    model: Model,
     *,
-    free: Sequence[str],
-    free_mount: Sequence[str] = MOUNT,
-    refraction: str = "none",
-    gnss: Sequence[str] = (),
     turns: Array | None = None,
     start: State | None = None,
 ) -> Network:
@@ -148,17 +144,7 @@ def mounted_orientation(
     Parameters
     ----------
     block : Block
-    free : sequence of str
-        Interior parameters to estimate, names of `camera.INTERIOR`.
-    free_mount : sequence of str
-        Parameters of the mounting to estimate, names of `parameters.MOUNT`; the others keep the
-        cameras' values.
-    refraction : str
-        ``"none"`` or ``"standard"``.
-    gnss : sequence of str
-        Errors of the trajectory to estimate, names of `parameters.TRAJECTORY`: a ``"shift"`` of
-        the block, without height where the lever arm's z is estimated; a ``"drift"`` of each strip;
-        a ``"delay"`` of the positions; a ``"deviation"`` of the headings.
+    model : Model
     turns : ndarray, shape (3,), optional
         Standard deviation of the turns of an exposure's pictures against each other, about the
         body's axes, radians: every picture then has a pose of its own. By default they share one.
@@ -170,44 +156,41 @@ def mounted_orientation(
     AdjustmentError
         Where drifts are asked for and the block has no strips; for a delay as
         `observations.velocities`.
-    ValueError
-        For an unknown name.
     """
-    expected.names_of("gnss", gnss, TRAJECTORY)
     trajectory = block.trajectory
-    strips = strips_of(block) if "drift" in gnss else Strips()
-    if "drift" in gnss and not strips.names:
+    strips = strips_of(block) if "drift" in model.gnss else Strips()
+    if "drift" in model.gnss and not strips.names:
         msg = "no strip has two exposures to drift between: images.csv needs its column strip"
         raise AdjustmentError(msg)
-    rows = np.arange(len(trajectory)) if turns is None else block.images.exposure_idx
-    names = trajectory.exposures if turns is None else block.images.names
-    return _network(
+    exposure_idx, names = block.images.exposure_idx, trajectory.exposures
+    rows: Index = np.arange(len(trajectory))
+    pose_idx = exposure_idx
+    if turns is not None:
+        names, rows, pose_idx = block.images.names, exposure_idx, np.arange(len(exposure_idx))
+    network = _network(
         block,
-        poses=_Poses(
-            names=names,
-            idx=block.images.exposure_idx if turns is None else np.arange(len(block.images)),
-            T_m_b=trajectory.T_m_b[rows],
-        ),
+        model,
+        names=names,
+        idx=pose_idx,
         columns=layout(
             len(block.cameras),
             len(rows),
-            free=free,
-            free_mount=free_mount,
-            free_shift=free_shift(gnss, free_mount),
+            free=model.free,
+            free_mount=model.mount,
+            free_shift=model.shift,
             n_drifts=len(strips.names),
-            recorded=[name for name in ("delay", *ATTITUDE) if name in gnss],
+            recorded=[name for name in ("delay", *ATTITUDE) if name in model.gnss],
         ),
         observed=observed_poses(
             trajectory,
             rows,
             turns=turns,
             strips=strips,
-            velocity=velocities(block) if "delay" in gnss else None,
+            velocity=velocities(block) if "delay" in model.gnss else np.zeros((1, 3)),
         ),
-        T_b_c=mountings(block.cameras),
-        refraction=refraction,
-        better=start,
+        at=_declared(block, trajectory.T_m_b[rows], mountings(block.cameras)),
     )
+    return network if start is None else _beginning_near(network, start)
 
 
 def with_held_poses(network: Network, names: Sequence[str], T_m_b: Pose) -> Network:
@@ -243,7 +226,7 @@ def with_held_poses(network: Network, names: Sequence[str], T_m_b: Pose) -> Netw
             sigma_attitude=_with_rows(observed.sigma_attitude, places, np.inf),
         ),
     )
-    return _chosen(held, replace(start, T_m_b=_with_poses(start.T_m_b, places, T_m_b)))
+    return with_measurements(held, replace(start, T_m_b=_with_poses(start.T_m_b, places, T_m_b)))
 
 
 def _with_poses(T: Pose, rows: Sequence[int], new: Pose) -> Pose:
@@ -256,118 +239,62 @@ def _with_rows(values: Array, rows: Sequence[int], new: Array | float) -> Array:
     return out
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Poses:
-    """Approximate poses with their names, and the pose on which each image depends."""
-
-    names: tuple[str, ...]
-    idx: Index
-    T_m_b: Pose
+def _declared(block: Block, T_m_b: Pose, T_b_c: Pose) -> State:
+    """Return the unknowns as a block declares them; its points have no coordinates."""
+    return State(
+        interiors=tuple(camera.interior for camera in block.cameras),
+        T_b_c=T_b_c,
+        T_m_b=T_m_b,
+        x_m=np.full((len(block.points), 3), np.nan),
+    )
 
 
 def _network(
     block: Block,
+    model: Model,
     *,
-    poses: _Poses,
+    names: tuple[str, ...],
+    idx: Index,
     columns: Layout,
     observed: PoseObservations,
-    T_b_c: Pose,
-    refraction: str,
-    better: State | None = None,
+    at: State,
 ) -> Network:
-    """Return the network of a block; recover approximate values that are far off."""
-    expected.one_of("refraction", refraction, REFRACTION)
+    """Return the network of a block at a state; `idx` are the poses of its images."""
     # checked here, not in the block: the reader of flights also makes blocks that are not finite
-    expected.finite("trajectory.T_m_b.R", poses.T_m_b.R)
-    expected.finite("trajectory.T_m_b.r", poses.T_m_b.r)
+    expected.finite("trajectory.T_m_b.R", at.T_m_b.R)
+    expected.finite("trajectory.T_m_b.r", at.T_m_b.r)
     expected.finite("control.x_m", block.control.x_m)
-    _require_millimetres(block.cameras)
+    for camera in block.cameras:
+        if camera.interior.f < SMALLEST_F_MM:
+            f = camera.interior.f
+            raise ValueError(f"{camera.name}: expected a focal length in mm, got f={f} (metres?)")
     if len(block.images) == 0:
         raise AdjustmentError(f"block {block.name!r} has no images: there is nothing to adjust")
-    complete = Network(
+    network = Network(
         block=block,
-        pose_names=poses.names,
-        pose_idx=poses.idx,
+        pose_names=names,
+        pose_idx=idx,
         layout=columns,
         image_points=block.image_points,
         rows=np.arange(len(block.image_points)),
         control=block.control,
         observed=observed,
-        start=State(
-            interiors=tuple(camera.interior for camera in block.cameras),
-            T_b_c=T_b_c,
-            T_m_b=poses.T_m_b,
-            x_m=np.full((len(block.points), 3), np.nan),
-            drift=np.zeros(columns.drift.shape),
-        ),
-        refraction=refraction,
+        start=replace(at, drift=np.zeros(columns.drift.shape)),
+        refraction=model.refraction,
     )
-    network = _chosen(complete, complete.start)
-    is_far_off = far_off(network, network.start).any()
-    if better is not None:
-        near = _beginning_near(_chosen(complete, better) if is_far_off else network, better)
-        if not far_off(near, near.start).any():
-            return near
-    if not is_far_off:
-        return network
-    network = _chosen(complete, recovered(network))
-    return _chosen(complete, _robust(network, network.start))
+    return with_measurements(network, network.start)
 
 
-def _require_millimetres(cameras: Sequence[Camera]) -> None:
-    """Raise a ValueError where a focal length, expected in mm, must be in metres."""
-    for camera in cameras:
-        if camera.interior.f < SMALLEST_F_MM:
-            f = camera.interior.f
-            raise ValueError(f"{camera.name}: expected a focal length in mm, got f={f} (metres?)")
+def _beginning_near(network: Network, start: State) -> Network:
+    """Return a network that begins at other values; points that these lack keep theirs.
 
-
-def _beginning_near(network: Network, better: State) -> Network:
-    """Return the network with other start values; points that these lack keep theirs."""
-    x_m = np.where(np.isfinite(better.x_m), better.x_m, network.start.x_m)
-    start = replace(network.start, interiors=better.interiors, T_b_c=better.T_b_c, x_m=x_m)
-    return network.beginning_at(replace(start, T_m_b=better.T_m_b))
-
-
-def robust_start(network: Network) -> State:
-    """Return the state that most observations agree on, even from wrong approximate values."""
-    return _robust(network, recovered(network))
-
-
-def _robust(network: Network, state: State) -> State:
-    """Return the state that most observations agree on; unchanged if points lie behind cameras."""
-    if not in_front(network, state):
-        return state
-    with processors.on_one_thread():
-        return robust_phase(network, state)
-
-
-def _chosen(network: Network, state: State) -> Network:
-    """Choose the measurements to use, and intersect the points' approximate coordinates."""
-    block, point_idx = network.block, network.block.image_points.point_idx
-    used = np.flatnonzero(np.isfinite(block.image_points.sigma_px))
-    rays_left = np.bincount(point_idx[used], minlength=len(block.points))
-    control = block.control[np.flatnonzero(np.isfinite(block.control.sigma_m).any(axis=1))]
-    is_control = np.zeros(len(block.points), dtype=bool)
-    is_control[control.point_idx] = True
-    cameras = with_estimates(block.cameras, state)
-    x_m, angle = start_points(replace(block, cameras=cameras), camera_poses(network, state), used)
-    too_flat = (angle < block.smallest_angle) & (rays_left >= 2) & ~is_control
-    once = (rays_left == 1) & ~is_control
-    rows = used[~(too_flat | once)[point_idx[used]]]
-    rows = rows[np.argsort(point_idx[rows], kind="stable")]
-    x_m[control.point_idx] = control.x_m
-    control = control[np.isin(control.point_idx, point_idx[rows])]
-    flat = f"whose rays meet at less than {np.degrees(block.smallest_angle):g} degrees"
-    reasons = (("measured once", once), (flat, too_flat))
-    return replace(
-        network,
-        image_points=block.image_points[rows],
-        rows=rows,
-        control=control,
-        start=replace(state, x_m=x_m),
-        left_out={why: int(unused.sum()) for why, unused in reasons if unused.any()},
-    )
+    Only where its own values are far off are the measurements those that the others choose.
+    """
+    near = replace(network.start, interiors=start.interiors, T_b_c=start.T_b_c, T_m_b=start.T_m_b)
+    if far_off(network, network.start).any():
+        network = with_measurements(network, near)
+    x_m = np.where(np.isfinite(start.x_m), start.x_m, network.start.x_m)
+    return network.beginning_at(replace(near, x_m=x_m))
 
 
 # --- adjusted ---------------------------------------------------------------------------------
@@ -478,13 +405,19 @@ def _quality(bundle: Bundle) -> dict[str, object]:
 def adjust(network: Network) -> Bundle:
     """Adjust a network, with all its observations.
 
-    Approximate values that are far off, or from which it fails, are first replaced by better ones.
+    Approximate values that are far off, or from which it fails, are first replaced by better ones,
+    and the measurements are chosen anew: `start.prepared`.
 
     Raises
     ------
     AdjustmentError
         Where it does not converge, or converges to a state that does not fit the measurements.
     """
+    return adjust_chosen(prepared(network))
+
+
+def adjust_chosen(network: Network) -> Bundle:
+    """Adjust a network as `adjust` does, with just the measurements that it has."""
     if not far_off(network, network.start).any():
         with suppress(AdjustmentError):
             return _adjusted(network, network.start)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from acx4lib import expected
 from acx4lib.block import Block
-from acx4lib.bundle.adjust import Bundle, adjust, robust_start
+from acx4lib.bundle.adjust import Bundle, adjust_chosen
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.rejections import (
     CRITICAL,
@@ -32,8 +32,10 @@ from acx4lib.bundle.start import (
     ASTRAY,
     SUSPECT,
     control_misfits,
+    prepared,
     reweighted,
     robust_phase,
+    robust_start,
     sizes,
     spread,
     turned_alike,
@@ -116,7 +118,10 @@ def adjust_rejecting(
     """
     expected.positive("critical", critical)
     expected.one_of("sigma0", sigma0, ("known", "estimated"))
-    network, absurd = _without_absurd_control(block, set_up)
+    network = prepared(set_up(block))
+    absurd = _absurd_control(network)
+    if len(absurd):
+        network = prepared(set_up(without(block, _taken_out(absurd))))
     observed = _observations(network)
     test = partial(_judge, w_limits if sigma0 == "known" else tau_limits, critical)
     bundle, search = _first(network, _nothing_out(len(observed.kind)), test)
@@ -151,7 +156,7 @@ def _first(
 ) -> tuple[Bundle, _Search]:
     """Adjust with all observations; if many fail, without the misfits of a robust state."""
     try:
-        bundle = adjust(network)
+        bundle = adjust_chosen(network)
     except AdjustmentError:
         state = robust_start(network)
     else:
@@ -188,11 +193,11 @@ def _without(
     stopped: tuple[Stopped, ...],
 ) -> Bundle:
     """Adjust without the rejected observations; an error also names the stopped groups."""
-    network = set_up(without(block, rejected))
+    network = prepared(set_up(without(block, rejected)))
     known, state = np.isfinite(bundle.state.x_m), bundle.state
     warm = replace(state, x_m=np.where(known, state.x_m, network.start.x_m))
     try:
-        return adjust(replace(network, start=warm))
+        return adjust_chosen(replace(network, start=warm))
     except AdjustmentError as error:
         if not stopped:
             raise
@@ -202,7 +207,7 @@ def _without(
 def _adjust_without(network: Network, out: Mask, state: State) -> Bundle:
     """Adjust without the effect of some observations; their predictions are still computed."""
     factors = _by_group(network, np.where(out, OUT, 1.0))
-    return adjust(reweighted(network, factors).beginning_at(state))
+    return adjust_chosen(reweighted(network, factors).beginning_at(state))
 
 
 def _misfits(network: Network, state: State) -> Array:
@@ -454,41 +459,20 @@ ENOUGH = 3
 """Number of other points that must remain; fewer do not orient a block."""
 
 
-def _without_absurd_control(
-    block: Block, set_up: Callable[[Block], Network]
-) -> tuple[Network, Index]:
-    """Return the network of a block without the control points far from all of their rays."""
-    network = set_up(block)
-    rows = _absurd(network, set_up)
-    if len(rows):
-        network = set_up(without(block, _taken_out(rows)))
-    return network, rows
+def _absurd_control(network: Network) -> Index:
+    """Return the rows of absurd control points in the block.
 
-
-def _absurd(network: Network, set_up: Callable[[Block], Network]) -> Index:
-    """Return the absurd control points: some are doubted first, then tested without them.
-
-    For the first step all poses of a camera turn alike onto the control points. For the second
-    the orientation is the one that most of the other observations agree on.
+    All poses of a camera are first turned alike onto the control points. A single ray that misses
+    its point by less than `BESIDE` may itself be wrong.
     """
-    none = np.zeros(0, dtype=np.intp)
-    if not np.any(control_misfits(network, network.start) > DOUBTFUL):
-        return none
-    doubted = _unlike(_misfits_of_control(network, turned_alike(network)))
-    if not doubted.any():
-        return none
     surveyed = network.block.control.point_idx
-    rows = np.flatnonzero(np.isin(surveyed, network.control.point_idx[doubted]))
-    state = robust_start(set_up(without(network.block, _taken_out(rows))))
-    astray = network.control.point_idx[_misfits_of_control(network, state) > ASTRAY]
-    return rows[np.isin(surveyed[rows], astray)]
-
-
-def _misfits_of_control(network: Network, state: State) -> Array:
-    """Return the median angles of control points; zero for a single ray that may be wrong."""
-    angles = control_misfits(network, state)
-    rays = np.bincount(network.image_points.point_idx, minlength=network.n_points)
-    return np.where((rays[network.control.point_idx] == 1) & (angles < BESIDE), 0.0, angles)
+    if not np.any(control_misfits(network, network.start) > DOUBTFUL):
+        return np.zeros(0, dtype=np.intp)
+    angles = control_misfits(network, turned_alike(network))
+    n_rays = np.bincount(network.image_points.point_idx, minlength=network.n_points)
+    one_ray = n_rays[network.control.point_idx] == 1
+    absurd = _unlike(np.where(one_ray & (angles < BESIDE), 0.0, angles))
+    return np.flatnonzero(np.isin(surveyed, network.control.point_idx[absurd]))
 
 
 def _unlike(misfits: Array) -> Mask:

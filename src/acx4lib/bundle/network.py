@@ -13,15 +13,11 @@ import numpy as np
 
 from acx4lib import shown
 from acx4lib.block import Block, ImagePoints, SurveyedPoints
-from acx4lib.bundle.observations import (
-    PoseObservations,
-    attitude_equations,
-    control_equations,
-    interior_equations,
-    mounting_equations,
-    picture_equations,
-    position_equations,
-)
+from acx4lib.bundle.compiled.chain_rule import Hanging
+from acx4lib.bundle.compiled.normals import NetworkNormals, by_points
+from acx4lib.bundle.compiled.packing import Packed, measured, pack, weights
+from acx4lib.bundle.compiled.rays import Scene
+from acx4lib.bundle.observations import PoseObservations, besides_rays
 from acx4lib.bundle.unknowns import Layout, State, moved, named
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.collinearity import (
@@ -32,17 +28,7 @@ from acx4lib.geometry.collinearity import (
     mounted_jacobian,
 )
 from acx4lib.geometry.frames import Pose
-from acx4lib.least_squares.normal_equations import Equations, Normals, PlainNormals
-
-try:
-    from acx4lib.bundle.compiled.chain_rule import Hanging
-    from acx4lib.bundle.compiled.normals import NetworkNormals, by_points
-    from acx4lib.bundle.compiled.packing import Packed, measured, pack, weights
-    from acx4lib.bundle.compiled.rays import Scene
-
-    COMPILED = True
-except ImportError:  # without numba it is slower, with the same results
-    COMPILED = False
+from acx4lib.least_squares.normal_equations import Equations, Normals
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -153,24 +139,64 @@ class Network:
         return moved(self.layout, state, dx, dp)
 
     def residuals(self, state: State) -> list[tuple[Array, Array]]:
-        """Return v and sigma of image points and `_other_equations`."""
-        others = [(e.v, e.sigma) for e in _other_equations(self, state)]
+        """Return v and sigma of image points and what is observed `besides_rays`."""
+        others = [(e.v, e.sigma) for e in self.besides_rays(state)]
         return [(image_residuals(*_seen(self, state)), _image_sigma(self)), *others]
 
     def equations(self, state: State) -> list[Equations]:
-        """Linearise image points, control points, positions, attitudes, mountings."""
-        return [_image_equations(self, state), *_other_equations(self, state)]
+        """Linearise image points and what is observed `besides_rays`."""
+        return [_image_equations(self, state), *self.besides_rays(state)]
 
-    def normals(self, state: State, damping: float = 0.0, before: Normals | None = None) -> Normals:
-        """Return the normal equations at a state; compiled, they reuse memory of those before."""
-        if not COMPILED:
-            return PlainNormals(
-                n_columns=self.n_columns,
-                free_points=self.free_points,
-                equations=self.equations(state),
+    def besides_rays(self, state: State) -> list[Equations]:
+        """Linearise the observations that are no image points: `observations.besides_rays`."""
+        control = self.control[~self.held_control]
+        return list(besides_rays(self.block, control, self.observed, state, self.layout))
+
+    def normals(
+        self, state: State, damping: float = 0.0, before: Normals | None = None
+    ) -> NetworkNormals:
+        """Return the normal equations at a state; they reuse memory of those before."""
+        packed, layout = self.packed, self.layout
+        camera = self.block.images.camera_idx[packed.image]
+        pose = self.pose_idx[packed.image]
+        T_m_c = camera_poses(self, state)[packed.image]
+        by_pose, by_mount = mounted_jacobian(state.T_m_b[pose], state.T_b_c[camera])
+        R_c_m = np.swapaxes(T_m_c.R, -1, -2)
+        for J in (by_pose, by_mount):  # turned to the camera's axes
+            J[:, :3] = R_c_m @ J[:, :3]
+        place = np.argsort(packed.pose)  # of each pose in that order
+        others = self.besides_rays(state)
+        V, h = by_points(self.observed_points, others)
+        return NetworkNormals(
+            packed=packed,
+            scene=Scene(
+                R_m_c=np.ascontiguousarray(T_m_c.R),
+                r_m_c=np.ascontiguousarray(T_m_c.r),
+                camera=camera,
+                interior=np.array([interior.to_array() for interior in state.interiors]),
+                x_m=state.x_m.take(packed.rays.point, axis=0),
+                V=V,
+                h=h,
+                refraction=self.refraction == "standard",
+                adjusted=self.distortion_at == "adjusted",
                 damping=damping,
-            )
-        return _compiled_normals(self, state, damping, before)
+            ),
+            hanging=Hanging(
+                by_pose=by_pose,
+                by_mount=by_mount,
+                pose=place[pose],
+                camera=camera,
+                n_poses=len(place),
+                n_cameras=len(self.block.cameras),
+            ),
+            n_columns=self.n_columns,
+            border=np.hstack([layout.interior, layout.mount]),
+            pose_columns=layout.pose[packed.pose],
+            sigma_px=self.image_points.sigma_px,
+            n_points=self.n_points,
+            others=others,
+            room=before.give_up_band() if isinstance(before, NetworkNormals) else None,
+        )
 
     @cached_property
     def packed(self) -> Packed:
@@ -186,17 +212,17 @@ class Network:
 
     def beginning_at(self, start: State) -> Network:
         """Return the network with other start values."""
-        out = replace(self, start=start)
-        if "packed" in vars(self):
-            vars(out)["packed"] = self.packed
-        return out
+        return self._of_same_rays(replace(self, start=start))
 
     def with_layout(self, columns: Layout) -> Network:
         """Return the network with other columns, of the same poses and points."""
-        out = replace(self, layout=columns)
+        return self._of_same_rays(replace(self, layout=columns))
+
+    def _of_same_rays(self, other: Network) -> Network:
+        """Give another network what is known of the rays, which takes long to find."""
         if "packed" in vars(self):
-            vars(out)["packed"] = self.packed
-        return out
+            vars(other)["packed"] = self.packed
+        return other
 
     def with_sigma(
         self,
@@ -212,21 +238,9 @@ class Network:
             control=control,
             observed=observed,
         )
-        if COMPILED and not observed.linked.size:  # the order in which rays are processed stays
+        if not observed.linked.size:  # the order in which rays are processed stays
             vars(out)["packed"] = self.packed.weighted(weights(self.block, image_points))
         return out
-
-
-def _other_equations(network: Network, state: State) -> list[Equations]:
-    observed, columns = network.observed, network.layout
-    return [
-        control_equations(network.control[~network.held_control], state.x_m),
-        position_equations(observed, state, columns),
-        attitude_equations(observed, state, columns),
-        *picture_equations(observed.pictures, state, columns),
-        *mounting_equations(network.block.cameras, state.T_b_c, columns.mount),
-        *interior_equations(network.block.cameras, state.interiors, columns.interior),
-    ]
 
 
 # --- observations ----------------------------------------------------------------------------
@@ -291,52 +305,3 @@ def _pose_parts(network: Network, state: State, by_camera: Array) -> tuple[Array
     by_mount_and_body = np.concatenate([by_mount, by_body], axis=2)
     columns = np.concatenate([network.layout.mount[images.camera_idx], pose_columns], axis=1)
     return by_camera @ by_mount_and_body[points.image_idx], columns
-
-
-# --- compiled --------------------------------------------------------------------------------
-
-
-def _compiled_normals(
-    network: Network, state: State, damping: float, before: Normals | None
-) -> NetworkNormals:
-    packed, layout = network.packed, network.layout
-    camera = network.block.images.camera_idx[packed.image]
-    pose = network.pose_idx[packed.image]
-    T_m_c = camera_poses(network, state)[packed.image]
-    by_pose, by_mount = mounted_jacobian(state.T_m_b[pose], state.T_b_c[camera])
-    R_c_m = np.swapaxes(T_m_c.R, -1, -2)
-    for J in (by_pose, by_mount):  # turned to the camera's axes
-        J[:, :3] = R_c_m @ J[:, :3]
-    place = np.argsort(packed.pose)  # of each pose in that order
-    others = _other_equations(network, state)
-    V, h = by_points(network.observed_points, others)
-    return NetworkNormals(
-        packed=packed,
-        scene=Scene(
-            R_m_c=np.ascontiguousarray(T_m_c.R),
-            r_m_c=np.ascontiguousarray(T_m_c.r),
-            camera=camera,
-            interior=np.array([interior.to_array() for interior in state.interiors]),
-            x_m=state.x_m.take(packed.rays.point, axis=0),
-            V=V,
-            h=h,
-            refraction=network.refraction == "standard",
-            adjusted=network.distortion_at == "adjusted",
-            damping=damping,
-        ),
-        hanging=Hanging(
-            by_pose=by_pose,
-            by_mount=by_mount,
-            pose=place[pose],
-            camera=camera,
-            n_poses=len(place),
-            n_cameras=len(network.block.cameras),
-        ),
-        n_columns=network.n_columns,
-        border=np.hstack([layout.interior, layout.mount]),
-        pose_columns=layout.pose[packed.pose],
-        sigma_px=network.image_points.sigma_px,
-        n_points=network.n_points,
-        others=others,
-        room=before.give_up_band() if isinstance(before, NetworkNormals) else None,
-    )

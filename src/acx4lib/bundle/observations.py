@@ -1,8 +1,8 @@
-"""Observations of a bundle besides image points.
+"""Observations of a bundle besides image points: `besides_rays` has an equation for each kind.
 
-Poses by GNSS and INS with the strips along which they drift, declared mountings and interior
-orientations and surveyed points. `least_squares.statistics` has the weights of slowly
-changing errors.
+Surveyed points, poses by GNSS and INS with their systematic and slowly changing errors, pictures
+that share a pose, declared mountings and interior orientations. `least_squares.statistics` has the
+weights of slowly changing errors.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from acx4lib.block import Block, SurveyedPoints, Trajectory
 from acx4lib.bundle.unknowns import Layout, State
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index
-from acx4lib.geometry.camera import Camera, Interior
+from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose, exp, log, log_jacobian, transform
 from acx4lib.least_squares.covariance import GaussMarkov
 from acx4lib.least_squares.normal_equations import Equations
@@ -73,48 +73,6 @@ class Pictures:
     turns: Array
 
 
-def picture_equations(
-    pictures: Pictures | None, state: State, columns: Layout
-) -> Iterator[Equations]:
-    """Linearise shifts and turns of pictures against the first picture of their exposure.
-
-    They are observed as zero. The error of the first picture is common to all of its exposure.
-    """
-    if pictures is None:
-        return
-    later = np.flatnonzero(pictures.first != np.arange(len(pictures.first)))
-    first, n = pictures.first[later], len(later)
-    same_exposure = (first[:, None] == first).astype(float)
-    R, r = state.T_m_b.R, state.T_m_b.r
-    turned = np.swapaxes(R[first], -1, -2) @ R[later]
-    v = log(turned)
-    by_turn = log_jacobian(v)
-    pair_columns = np.concatenate([columns.pose[later], columns.pose[first]], axis=1)
-    each = np.tile(np.eye(3), (n, 1, 1))
-    for kind, difference, A, chosen, sigma_axes in (
-        ("place", r[later] - r[first], [each, -each], [0, 1, 2, 6, 7, 8], np.full(3, ONE_PLACE_M)),
-        (
-            "turn",
-            v,
-            [by_turn, -by_turn @ np.swapaxes(turned, -1, -2)],
-            [3, 4, 5, 9, 10, 11],
-            pictures.turns,
-        ),
-    ):
-        sigma = np.tile(sigma_axes, (n, 1))
-        yield Equations(
-            kind=kind,
-            v=difference,
-            sigma=np.sqrt(2) * sigma,
-            A=np.concatenate(A, axis=2),
-            columns=pair_columns[:, chosen],
-            unit=np.arange(n),
-            correlation=SlowErrors(sigma=sigma, together=same_exposure).correlation(
-                np.sqrt(2) * sigma
-            ),
-        )
-
-
 # --- Observed positions and attitudes: their systematic errors, and errors that change slowly
 
 
@@ -135,8 +93,8 @@ class PoseObservations:
         About the pose's own axes, radians; infinite where an attitude is not observed.
     strips : Strips
         Strips along which positions drift; none by default.
-    velocity : ndarray, shape (n_poses, 3), optional
-        Along the grid's axes, m/s, needed where a delay is estimated.
+    velocity : ndarray, shape (n_poses, 3), or (1, 3)
+        Along the grid's axes, m/s, needed where a delay is estimated; zero by default.
     slow_positions, slow_attitudes : SlowErrors, optional
         The correlated part of their errors; none by default.
     pictures : Pictures, optional
@@ -153,7 +111,7 @@ class PoseObservations:
     sigma_position: Array
     sigma_attitude: Array
     strips: Strips = field(default_factory=Strips)
-    velocity: Array | None = None
+    velocity: Array = field(default_factory=lambda: np.zeros((1, 3)))
     slow_positions: SlowErrors | None = None
     slow_attitudes: SlowErrors | None = None
     pictures: Pictures | None = None
@@ -236,7 +194,7 @@ def observed_poses(
     *,
     turns: Array | None,
     strips: Strips,
-    velocity: Array | None,
+    velocity: Array,
 ) -> PoseObservations:
     """Return the observations of poses by a trajectory.
 
@@ -249,7 +207,7 @@ def observed_poses(
         Of pictures, as in `Pictures`, where each picture has a pose; None where each exposure has.
         The trajectory observes the first picture of an exposure.
     strips : Strips
-    velocity : ndarray or None
+    velocity : ndarray
         Of the exposures, as `strips_of` and `velocities` return them.
     """
     pictures, later = None, np.zeros(len(rows), dtype=bool)
@@ -259,7 +217,7 @@ def observed_poses(
         later = pictures.first != np.arange(len(rows))
         if strips.names:
             strips = replace(strips, idx=strips.idx[rows], elapsed=strips.elapsed[rows])
-        if velocity is not None:
+        if len(velocity) > 1:
             velocity = velocity[rows]
     return PoseObservations(
         T_m_b=trajectory.T_m_b[rows],
@@ -291,72 +249,15 @@ def position_errors(observed: PoseObservations, state: State) -> Array:
     ndarray, shape (n_poses, 3), or (1, 3) where there are neither strips nor delays
     """
     strips = observed.strips
-    of_strip: Array = np.vstack([state.drift, np.zeros(3)])[strips.idx]
-    errors: Array = state.shift + strips.elapsed[:, None] * of_strip
-    return errors if observed.velocity is None else errors + state.delay * observed.velocity
-
-
-def position_equations(observed: PoseObservations, state: State, columns: Layout) -> Equations:
-    """Linearise observed positions, along the grid's axes."""
-    n, strips = len(state.T_m_b), observed.strips
-    A, where = [observed.R_g_m], [columns.pose[:, :3]]
-    if np.any(columns.shift >= 0):
-        A.append(np.tile(np.eye(3), (n, 1, 1)))
-        where.append(np.tile(columns.shift, (n, 1)))
-    if len(columns.drift):
-        A.append(strips.elapsed[:, None, None] * np.eye(3))
-        where.append(np.vstack([columns.drift, np.full(3, -1)])[strips.idx])
-    if observed.velocity is not None and columns.delay[0] >= 0:
-        A.append(observed.velocity[:, :, None])
-        where.append(np.tile(columns.delay, (n, 1)))
-    v = transform(observed.R_g_m, state.T_m_b.r - observed.T_m_b.r)
-    return Equations(
-        kind="gnss",
-        v=v + position_errors(observed, state),
-        sigma=observed.sigma_position,
-        A=np.concatenate(A, axis=2),
-        columns=np.concatenate(where, axis=1),
-        unit=np.arange(n),
-        correlation=observed.of_positions,
-    )
+    drift: Array = np.vstack([state.drift, np.zeros(3)])[strips.idx]
+    errors: Array = strips.elapsed[:, None] * drift
+    return state.shift + errors + state.delay * observed.velocity
 
 
 def deviating(observed: PoseObservations, state: State) -> Array:
     """Return the deviations of recorded headings as rotations about the mapping frame's z."""
     larger = observed.by_heading @ state.deviation
     return exp(np.outer(larger, [0.0, 0.0, -1.0]))  # clockwise
-
-
-def attitude_equations(observed: PoseObservations, state: State, columns: Layout) -> Equations:
-    """Linearise observed attitudes, about the body's axes.
-
-    The observed heading, clockwise about the vertical, is larger by the deviation: the first
-    harmonic of the observed heading, B sin + C cos, like the deviation of a compass [1]_.
-
-    References
-    ----------
-    .. [1] A. Smith and F. J. Evans, "Admiralty manual for the deviations of the compass", 1862.
-    """
-    n, recorded = len(state.T_m_b), state.T_m_b.R
-    deviates = bool(np.any(columns.deviation >= 0))
-    if deviates:
-        recorded = deviating(observed, state) @ recorded
-    v = log(np.swapaxes(observed.T_m_b.R, -1, -2) @ recorded)
-    by_turn = log_jacobian(v)
-    A, where = [by_turn], [columns.pose[:, 3:]]
-    if deviates:
-        vertical = recorded[:, 2, :, None]  # the mapping frame's z in the body
-        A.append(-(by_turn @ vertical) * observed.by_heading[:, None])
-        where.append(np.tile(columns.deviation, (n, 1)))
-    return Equations(
-        kind="attitude",
-        v=v,
-        sigma=observed.sigma_attitude,
-        A=np.concatenate(A, axis=2),
-        columns=np.concatenate(where, axis=1),
-        unit=np.arange(n),
-        correlation=observed.of_attitudes,
-    )
 
 
 def strips_of(block: Block) -> Strips:
@@ -375,7 +276,7 @@ def strips_of(block: Block) -> Strips:
         time = trajectory.time_s[rows] if timed else np.arange(len(rows), dtype=float)
         if np.ptp(time) > 0:
             idx[rows], elapsed[rows] = len(names), time - time.mean()
-            names.append(name)
+            names.append(str(name))
     return Strips(names=tuple(names), idx=idx, elapsed=elapsed, unit="s" if timed else "exposure")
 
 
@@ -403,50 +304,32 @@ def velocities(block: Block) -> Array:
     the next, within a second or two. These errors would make an estimated delay too small, the more
     so the steadier the flight.
     """
-    trajectory, strips = block.trajectory, strips_of(block)
-    _require_neighbours(block, strips)
+    trajectory, strips, cannot = block.trajectory, strips_of(block), "a delay cannot be estimated"
+    if not has_times(trajectory):
+        raise AdjustmentError(f"{cannot}: trajectory.csv needs its column time_s")
+    alone = np.flatnonzero(strips.idx < 0)
+    if len(alone):
+        first = trajectory.exposures[alone[0]]
+        msg = f"{cannot}: no neighbour in a strip tells the velocity of exposure {first!r}"
+        raise AdjustmentError(msg)
     velocity = np.zeros((len(trajectory), 3))
     for strip, name in enumerate(strips.names):
         rows = np.flatnonzero(strips.idx == strip)
-        rows = rows[np.argsort(strips.elapsed[rows], kind="stable")]
-        step = np.diff(strips.elapsed[rows])
-        if np.any(step <= 0):
-            again = trajectory.exposures[rows[int(np.argmin(step)) + 1]]
-            msg = f"a delay cannot be estimated: {again!r} has the time of another of its strip"
-            raise AdjustmentError(msg)
-        velocity[rows] = _uniform(trajectory.T_m_b.r[rows], strips.elapsed[rows], name)
+        r, elapsed = trajectory.T_m_b.r[rows], strips.elapsed[rows]
+        if len(np.unique(elapsed)) < len(rows):
+            raise AdjustmentError(f"{cannot}: two exposures of strip {name!r} have the same time")
+        along: Array = elapsed @ r / (elapsed @ elapsed)
+        deviations = r - r.mean(axis=0) - elapsed[:, None] * along
+        length = np.linalg.norm(along) * np.ptp(elapsed)
+        if np.sqrt(np.mean(np.sum(deviations**2, axis=1))) > STRAIGHT * length:
+            raise AdjustmentError(f"{cannot}: strip {name!r} is not flown straight at one speed")
+        velocity[rows] = along
     return transform(trajectory.R_g_m, velocity)
-
-
-def _uniform(r: Array, elapsed: Array, strip: str) -> Array:
-    """Return the velocity with which positions of a strip are passed at times from its middle."""
-    velocity: Array = elapsed @ r / (elapsed @ elapsed)
-    deviations = r - r.mean(axis=0) - elapsed[:, None] * velocity
-    length = np.linalg.norm(velocity) * np.ptp(elapsed)
-    if np.sqrt(np.mean(np.sum(deviations**2, axis=1))) > STRAIGHT * length:
-        msg = (
-            f"a delay cannot be estimated: strip {str(strip)!r} is not flown straight at one speed"
-        )
-        raise AdjustmentError(msg)
-    return velocity
 
 
 def has_times(trajectory: Trajectory) -> bool:
     """Tell whether all exposures have a time."""
     return bool(np.isfinite(trajectory.time_s).all())
-
-
-def _require_neighbours(block: Block, strips: Strips) -> None:
-    """Raise where an exposure has no time, or none before or after it in its strip."""
-    cannot = "a delay cannot be estimated"
-    if not has_times(block.trajectory):
-        raise AdjustmentError(f"{cannot}: trajectory.csv needs its column time_s")
-    alone = np.flatnonzero(np.broadcast_to(strips.idx, len(block.trajectory)) < 0)
-    if len(alone):
-        name = block.trajectory.exposures[alone[0]]
-        subject = "exposure" if len(alone) == 1 else f"{len(alone)} exposures, the first"
-        msg = f"{cannot}: no neighbour in a strip tells the velocity of {subject} {name!r}"
-        raise AdjustmentError(msg)
 
 
 # --- Slowly changing errors that different exposures of a trajectory have in common
@@ -526,130 +409,172 @@ def shared_errors(trajectory: Trajectory, rows: Index | slice = slice(None)) -> 
     return SharedErrors(roots=roots, together=together)
 
 
-# --- Declared mountings that have standard deviations, as observations of those estimated
+# --- the equations ----------------------------------------------------------------------------
 
 
-def mounting_equations(
-    cameras: Sequence[Camera], T_b_c: Pose, columns: Index
+def besides_rays(
+    block: Block,
+    control: SurveyedPoints,
+    observed: PoseObservations,
+    state: State,
+    columns: Layout,
 ) -> Iterator[Equations]:
-    """Linearise the declared mountings that have sigma: lever arms, then boresights.
+    """Linearise what is observed besides the rays: v = estimated - observed.
 
-    Both along the body's axes. Only those that are estimated are observations.
-
-    Parameters
-    ----------
-    cameras : sequence of Camera
-        As declared.
-    T_b_c : Pose
-        Estimates.
-    columns : ndarray, shape (n_cameras, 6)
-        Columns of the mountings.
-    """
-    if len(rows := observed_mountings(cameras, "lever_arm", columns)):
-        yield Equations(
-            kind="lever_arm",
-            v=T_b_c.r[rows] - np.array([cameras[k].T_b_c.r for k in rows]),
-            sigma=np.array([cameras[k].prior.lever_sigma for k in rows]),
-            A=np.tile(np.eye(3), (len(rows), 1, 1)),
-            columns=columns[rows, :3],
-            unit=np.arange(len(rows)),
-        )
-    if len(rows := observed_mountings(cameras, "boresight", columns)):
-        R_declared = np.array([cameras[k].T_b_c.R for k in rows])
-        v = log(np.swapaxes(R_declared, -1, -2) @ T_b_c.R[rows])
-        yield Equations(
-            kind="boresight",
-            v=transform(R_declared, v),
-            sigma=np.array([cameras[k].prior.boresight_sigma for k in rows]),
-            A=R_declared @ log_jacobian(v),
-            columns=columns[rows, 3:],
-            unit=np.arange(len(rows)),
-        )
-
-
-def observed_mountings(cameras: Sequence[Camera], part: str, columns: Index) -> Index:
-    """Return the cameras with a part of the mounting estimated and declared with sigma.
+    Control points and positions are observed along the grid's axes; attitudes, turns and declared
+    mountings about the body's axes.
 
     Parameters
     ----------
-    cameras : sequence of Camera
-    part : str
-        ``"lever_arm"`` or ``"boresight"``.
-    columns : ndarray, shape (n_cameras, 6)
-        Columns of the mountings.
-    """
-    part_columns = columns[:, :3] if part == "lever_arm" else columns[:, 3:]
-    sigma = np.array(
-        [c.prior.lever_sigma if part == "lever_arm" else c.prior.boresight_sigma for c in cameras]
-    )
-    return np.flatnonzero(np.isfinite(sigma).any(axis=1) & np.all(part_columns >= 0, axis=1))
-
-
-# --- Interior orientations known from a laboratory, as observations where they are estimated
-
-
-def interior_equations(
-    cameras: Sequence[Camera], interiors: Sequence[Interior], columns: Index
-) -> Iterator[Equations]:
-    """Linearise the declared f, xp and yp that have sigma; what is held is no observation.
-
-    Parameters
-    ----------
-    cameras : sequence of Camera
-        As declared.
-    interiors : sequence of Interior
-        Estimates.
-    columns : ndarray, shape (n_cameras, 10)
-        Columns of the interior orientations.
-    """
-    if len(rows := observed_interiors(cameras, columns)):
-        sigma = np.array([cameras[k].prior.interior for k in rows])
-        estimated = np.array([interiors[k].to_array()[:3] for k in rows])
-        declared = np.array([cameras[k].interior.to_array()[:3] for k in rows])
-        yield Equations(
-            kind="interior",
-            v=estimated - declared,
-            sigma=np.where(columns[rows, :3] >= 0, sigma, np.inf),
-            A=np.tile(np.eye(3), (len(rows), 1, 1)),
-            columns=columns[rows, :3],
-            unit=np.arange(len(rows)),
-        )
-
-
-def observed_interiors(cameras: Sequence[Camera], columns: Index) -> Index:
-    """Return the cameras of which f, xp or yp is estimated and declared with sigma.
-
-    Parameters
-    ----------
-    cameras : sequence of Camera
-    columns : ndarray, shape (n_cameras, 10)
-        Columns of the interior orientations.
-    """
-    sigma = np.array([camera.prior.interior for camera in cameras])
-    return np.flatnonzero((np.isfinite(sigma) & (columns[:, :3] >= 0)).any(axis=1))
-
-
-# --- Observations of points besides their rays: surveyed coordinates
-
-
-def control_equations(control: SurveyedPoints, x_m: Array) -> Equations:
-    """Linearise surveyed coordinates, along the grid's axes.
-
-    Parameters
-    ----------
+    block : Block
+        With the cameras as declared.
     control : SurveyedPoints
-    x_m : ndarray, shape (n_points, 3)
-        All points of the block.
+        Those that are not held.
+    observed : PoseObservations
+    state : State
+    columns : Layout
+
+    Yields
+    ------
+    Equations
+        Kinds ``control_point``, ``gnss``, ``attitude``; where pictures have poses of their own,
+        ``place`` and ``turn``; of what is declared with sigma and estimated, ``lever_arm``,
+        ``boresight``, ``interior``.
+
+    Notes
+    -----
+    The recorded heading, clockwise about the vertical, is larger by a deviation: the first harmonic
+    of the observed heading, B sin + C cos, like that of a compass [1]_. Places and turns of
+    pictures are observed as those of the first of their exposure, whose error is common to all.
+
+    References
+    ----------
+    .. [1] A. Smith and F. J. Evans, "Admiralty manual for the deviations of the compass", 1862.
     """
-    n = len(control)
-    return Equations(
+    eye, strips, pose = np.eye(3), observed.strips, columns.pose
+    drift = np.vstack([columns.drift, np.full((1, 3), -1)])[strips.idx]
+    yield Equations(
         kind="control_point",
-        v=transform(control.R_g_m, x_m[control.point_idx] - control.x_m),
+        v=transform(control.R_g_m, state.x_m[control.point_idx] - control.x_m),
         # a single component that is given without error gets a sigma of one micrometre
         sigma=np.maximum(control.sigma_m, 1e-6),
-        A=np.zeros((n, 3, 0)),
+        A=np.zeros((len(control), 3, 0)),
         columns=np.zeros((1, 0), dtype=np.intp),
-        unit=np.zeros(n, dtype=np.intp),
+        unit=np.zeros(len(control), dtype=np.intp),
         B=control.R_g_m,
         point=control.point_idx,
     )
+    off = transform(observed.R_g_m, state.T_m_b.r - observed.T_m_b.r)
+    yield _linearised(
+        "gnss",
+        off + position_errors(observed, state),
+        observed.sigma_position,
+        (observed.R_g_m, pose[:, :3]),
+        (eye, columns.shift),
+        (strips.elapsed[:, None, None] * eye, drift),
+        (observed.velocity[:, :, None], columns.delay),
+        correlation=observed.of_positions,
+    )
+    recorded = state.T_m_b.R
+    if deviates := np.any(columns.deviation >= 0):
+        recorded = deviating(observed, state) @ recorded
+    v = log(np.swapaxes(observed.T_m_b.R, -1, -2) @ recorded)
+    J = log_jacobian(v)
+    terms = [(J, pose[:, 3:])]
+    if deviates:
+        vertical = recorded[:, 2, :, None]  # the mapping frame's z in the body
+        terms.append((-(J @ vertical) * observed.by_heading[:, None], columns.deviation))
+    yield _linearised(
+        "attitude", v, observed.sigma_attitude, *terms, correlation=observed.of_attitudes
+    )
+    if observed.pictures is not None:
+        yield from _pictures(observed.pictures, state.T_m_b, pose)
+    for kind in DECLARED:
+        rows, sigma, where = declared(block.cameras, kind, columns)
+        if not len(rows):
+            continue
+        A, before = eye, [block.cameras[k] for k in rows]
+        if kind == "lever_arm":
+            v = state.T_b_c.r[rows] - np.array([camera.T_b_c.r for camera in before])
+        elif kind == "boresight":
+            R = np.array([camera.T_b_c.R for camera in before])
+            turned = log(np.swapaxes(R, -1, -2) @ state.T_b_c.R[rows])
+            v, A = transform(R, turned), R @ log_jacobian(turned)
+        else:
+            estimated = np.array([state.interiors[k].to_array()[:3] for k in rows])
+            v = estimated - np.array([camera.interior.to_array()[:3] for camera in before])
+        yield _linearised(kind, v, sigma, (A, where))
+
+
+def _linearised(
+    kind: str,
+    v: Array,
+    sigma: Array,
+    *terms: tuple[Array, Index],
+    correlation: Correlation | None = None,
+) -> Equations:
+    """Return equations of derivatives and their columns; terms that are held are left out."""
+    n = len(v)
+    free = [terms[0], *(term for term in terms[1:] if np.any(term[1] >= 0))]
+    return Equations(
+        kind=kind,
+        v=v,
+        sigma=sigma,
+        A=np.concatenate([np.broadcast_to(A, (n, *A.shape[-2:])) for A, _ in free], axis=2),
+        columns=np.concatenate(
+            [np.broadcast_to(where, (n, where.shape[-1])) for _, where in free], axis=1
+        ),
+        unit=np.arange(n),
+        correlation=correlation,
+    )
+
+
+def _pictures(pictures: Pictures, T_m_b: Pose, pose: Index) -> Iterator[Equations]:
+    """Linearise places and turns of pictures against the first picture of their exposure."""
+    later = np.flatnonzero(pictures.first != np.arange(len(pictures.first)))
+    first = pictures.first[later]
+    same_exposure = (first[:, None] == first).astype(float)
+    place = T_m_b.r[later] - T_m_b.r[first]
+    turned = np.swapaxes(T_m_b.R[first], -1, -2) @ T_m_b.R[later]
+    turn = log(turned)
+    J, eye = log_jacobian(turn), np.eye(3)
+    by_first = -J @ np.swapaxes(turned, -1, -2)
+    for kind, v, one, later_term, first_term in (
+        ("place", place, ONE_PLACE_M, (eye, pose[later, :3]), (-eye, pose[first, :3])),
+        ("turn", turn, pictures.turns, (J, pose[later, 3:]), (by_first, pose[first, 3:])),
+    ):
+        own = np.broadcast_to(one, v.shape)
+        sigma = np.sqrt(2) * own
+        correlation = SlowErrors(sigma=own, together=same_exposure).correlation(sigma)
+        yield _linearised(kind, v, sigma, later_term, first_term, correlation=correlation)
+
+
+DECLARED = ("lever_arm", "boresight", "interior")
+"""Kinds of observations that are parts of a declared camera: of the interior, f, xp and yp."""
+
+
+def declared(cameras: Sequence[Camera], kind: str, columns: Layout) -> tuple[Index, Array, Index]:
+    """Return the cameras with a part that is declared with sigma and estimated.
+
+    Parameters
+    ----------
+    cameras : sequence of Camera
+    kind : str
+        One of `DECLARED`.
+    columns : Layout
+
+    Returns
+    -------
+    rows : ndarray, shape (k,)
+        Indices of these cameras.
+    sigma : ndarray, shape (k, 3)
+        m, radians or mm; infinite where a component is held.
+    where : ndarray, shape (k, 3)
+        Columns of the components.
+    """
+    part = slice(3, 6) if kind == "boresight" else slice(0, 3)
+    where = (columns.interior if kind == "interior" else columns.mount)[:, part]
+    stated = [c.prior.interior if kind == "interior" else c.prior.sigma[part] for c in cameras]
+    sigma = np.where(where >= 0, np.array(stated), np.inf)
+    rows = np.flatnonzero(np.isfinite(sigma).any(axis=1))
+    return rows, sigma[rows], where[rows]

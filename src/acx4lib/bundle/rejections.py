@@ -69,42 +69,27 @@ def without(block: Block, rejected: Sequence[Rejection]) -> Block:
     -------
     Block
         The rejected observations have an infinite sigma.
-
-    Raises
-    ------
-    ValueError
-        Where the block has no such row.
     """
-    rows = {
-        kind: np.array([r.row for r in rejected if r.kind == kind], dtype=np.intp) for kind in KINDS
-    }
-    for kind, n in zip(KINDS, _numbers_of_rows(block), strict=True):
-        expected.places(f"rejected: {kind} rows", rows[kind], n)
-    components = [
-        slice(None) if r.component < 0 else r.component
-        for r in rejected
-        if r.kind == "control_point"
-    ]
     points, control, trajectory = block.image_points, block.control, block.trajectory
-    sigma_px, sigma_m = points.sigma_px.copy(), control.sigma_m.copy()
-    position, attitude = trajectory.sigma_position.copy(), trajectory.sigma_attitude.copy()
-    sigma_px[rows["image_point"]] = np.inf
-    for row, component in zip(rows["control_point"], components, strict=True):
-        sigma_m[row, component] = np.inf
-    position[rows["gnss"]] = np.inf
-    attitude[rows["attitude"]] = np.inf
+    sigma = {
+        "image_point": points.sigma_px.copy(),
+        "control_point": control.sigma_m.copy(),
+        "gnss": trajectory.sigma_position.copy(),
+        "attitude": trajectory.sigma_attitude.copy(),
+    }
+    for r in rejected:
+        if r.component < 0:
+            sigma[r.kind][r.row] = np.inf
+        else:
+            sigma[r.kind][r.row, r.component] = np.inf
     return replace(
         block,
-        image_points=replace(points, sigma_px=sigma_px),
-        control=replace(control, sigma_m=sigma_m),
-        trajectory=replace(trajectory, sigma_position=position, sigma_attitude=attitude),
+        image_points=replace(points, sigma_px=sigma["image_point"]),
+        control=replace(control, sigma_m=sigma["control_point"]),
+        trajectory=replace(
+            trajectory, sigma_position=sigma["gnss"], sigma_attitude=sigma["attitude"]
+        ),
     )
-
-
-def _numbers_of_rows(block: Block) -> tuple[int, ...]:
-    """Return a block's number of observations of each of the `KINDS`."""
-    n = len(block.trajectory)
-    return len(block.image_points), len(block.control), n, n
 
 
 def noncentrality(*, critical: float = CRITICAL, power: float = POWER) -> float:
@@ -303,13 +288,11 @@ def _of_rays(block: Block, rows: Index, rejected: Sequence[Rejection]) -> Iterat
         n_rejected, n = int(n_out[of_camera].sum()), int(n_all[of_camera].sum())
         if too_many(n_rejected, n, OF_CAMERA):
             alone &= ~of_camera
-            yield _rays([f"camera {camera.name}"], n_rejected, n)
+            of = (f"camera {camera.name}",)
+            yield Stopped(kind="image_point", n_rejected=n_rejected, n=n, names=of)
     bad = [i for i in np.flatnonzero(alone) if too_many(n_out[i], n_all[i], OF_IMAGE)]
     bad.sort(key=lambda i: -n_out[i] / n_all[i])
     if bad:
-        names = [f"image {block.images.names[i]}" for i in bad]
-        yield _rays(names, int(n_out[bad[0]]), int(n_all[bad[0]]))
-
-
-def _rays(names: Sequence[str], n_rejected: int, n: int) -> Stopped:
-    return Stopped(kind="image_point", n_rejected=n_rejected, n=n, names=tuple(names))
+        n_rejected, n, names = int(n_out[bad[0]]), int(n_all[bad[0]]), block.images.names
+        images = tuple(f"image {names[i]}" for i in bad)
+        yield Stopped(kind="image_point", n_rejected=n_rejected, n=n, names=images)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
@@ -15,11 +15,8 @@ from acx4lib.geometry.frames import Pose, exp
 from acx4lib.geometry.parameters import (
     ATTITUDE,
     AXES,
-    BORESIGHT,
-    LEVER_ARM,
     MOUNT,
     POSE,
-    TRAJECTORY,
 )
 
 
@@ -57,9 +54,7 @@ class Layout:
     @cached_property
     def n_columns(self) -> int:
         """Number of unknowns that are not points."""
-        errors = (self.shift, self.drift, self.delay, self.deviation)
-        parts = (self.interior, self.mount, *errors, self.pose)
-        return int(sum(np.count_nonzero(part >= 0) for part in parts))
+        return int(sum(np.count_nonzero(getattr(self, f.name) >= 0) for f in fields(self)))
 
 
 @shown.briefly
@@ -197,24 +192,28 @@ def layout(
     expected.names_of("free_mount", free_mount, MOUNT)
     expected.names_of("free_shift", free_shift, AXES)
     expected.names_of("recorded", recorded, ("delay", *ATTITUDE))
-    is_free = np.array([name in free for name in INTERIOR] + [name in free_mount for name in MOUNT])
-    per_camera = np.tile(is_free, (n_cameras, 1))
-    columns = np.where(per_camera, np.cumsum(per_camera).reshape(per_camera.shape) - 1, -1)
-    shifted = np.array([name in free_shift for name in AXES])
-    first_shift = int(per_camera.sum())
-    first_drift = first_shift + int(shifted.sum())
-    first_delay = first_drift + 3 * n_drifts
-    late, deviates = "delay" in recorded, "deviation" in recorded
-    first_deviation = first_delay + late
-    first_pose = first_deviation + 2 * deviates
+    of_camera = [name in free for name in INTERIOR] + [name in free_mount for name in MOUNT]
+    columns, n_before = [], 0
+    for is_free in (
+        np.tile(of_camera, (n_cameras, 1)),
+        np.array([name in free_shift for name in AXES]),
+        np.ones((n_drifts, 3), dtype=bool),
+        np.array(["delay" in recorded]),
+        np.full(2, "deviation" in recorded),
+        np.ones((n_poses, 6), dtype=bool),
+    ):
+        counted = n_before + np.cumsum(is_free).reshape(is_free.shape)
+        columns.append(np.where(is_free, counted - 1, -1))
+        n_before += int(is_free.sum())
+    camera, shift, drift, delay, deviation, pose = columns
     return Layout(
-        interior=columns[:, : len(INTERIOR)],
-        mount=columns[:, len(INTERIOR) :],
-        shift=np.where(shifted, first_shift + np.cumsum(shifted) - 1, -1),
-        drift=first_drift + np.arange(3 * n_drifts).reshape(n_drifts, 3),
-        delay=np.array([first_delay if late else -1]),
-        deviation=first_deviation + np.arange(2) if deviates else np.full(2, -1),
-        pose=first_pose + np.arange(6 * n_poses).reshape(n_poses, 6),
+        interior=camera[:, : len(INTERIOR)],
+        mount=camera[:, len(INTERIOR) :],
+        shift=shift,
+        drift=drift,
+        delay=delay,
+        deviation=deviation,
+        pose=pose,
     )
 
 
@@ -231,58 +230,4 @@ def holding(columns: Layout, held: Index) -> Layout:
     stays = np.ones(columns.n_columns + 1, dtype=bool)  # column -1 is held before and after
     stays[[*held, -1]] = False
     new = np.where(stays, np.cumsum(stays) - 1, -1)
-    return Layout(
-        interior=new[columns.interior],
-        mount=new[columns.mount],
-        pose=new[columns.pose],
-        shift=new[columns.shift],
-        drift=new[columns.drift],
-        delay=new[columns.delay],
-        deviation=new[columns.deviation],
-    )
-
-
-def free_mount(fix: Sequence[str]) -> tuple[str, ...]:
-    """Return the parameters of the mounting to estimate, given the parts to hold.
-
-    Parameters
-    ----------
-    fix : sequence of str
-        Any of ``"lever_arm"`` and ``"boresight"``.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name.
-    """
-    expected.names_of("fix", fix, ("lever_arm", "boresight"))
-    return tuple(
-        name
-        for part, names in (("lever_arm", LEVER_ARM), ("boresight", BORESIGHT))
-        if part not in fix
-        for name in names
-    )
-
-
-def free_shift(gnss: Sequence[str], free_mount: Sequence[str]) -> tuple[str, ...]:
-    """Return the axes along which a GNSS shift is estimated.
-
-    A shift in height and a common change of the lever arms' z have the same effect. So the
-    height of the shift is held where the lever arm is estimated.
-
-    Parameters
-    ----------
-    gnss : sequence of str
-        Names of `TRAJECTORY`.
-    free_mount : sequence of str
-        Names of `MOUNT`.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name.
-    """
-    expected.names_of("gnss", gnss, TRAJECTORY)
-    if "shift" not in gnss:
-        return ()
-    return AXES[:2] if "lever_z" in free_mount else AXES
+    return Layout(**{f.name: new[getattr(columns, f.name)] for f in fields(Layout)})

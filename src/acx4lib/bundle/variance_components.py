@@ -15,9 +15,9 @@ from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
 from acx4lib.expected import Array, Index
 from acx4lib.least_squares import processors, statistics
-from acx4lib.least_squares.adjustment import elimination
+from acx4lib.least_squares.adjustment import elimination, two_sided_p
 from acx4lib.least_squares.normal_equations import Equations
-from acx4lib.least_squares.statistics import Group, tails
+from acx4lib.least_squares.statistics import Group
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,7 +61,6 @@ error, but residuals of a third of sigma contradict these sigma."""
 
 MOST_ROWS = 2000  # of groups whose covariances with all others are computed: see `_shares`
 AT_A_TIME = 256  # rows of the joint redundancy that are computed together
-MOST_EXACT = 500  # rows of a group whose distribution is computed from all eigenvalues
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -293,10 +292,9 @@ def sigma_tests(bundle: Bundle) -> tuple[SigmaTest, ...]:
     residuals' covariance, it has the distribution of a sum of independent squares of standard
     normal values, each times an eigenvalue of W_k [1]_. These lie between zero and one, so the mean
     tr(W_k) is the sum of the redundancy numbers, and the variance 2 tr(W_k^2) is smaller than that
-    of a chi-square variable of so many degrees of freedom. The probability is exact for groups of
-    up to `MOST_EXACT` observations. The others, and image points, have the chi-square distribution
-    of the same mean and variance [2]_; where tr(W_k^2) is not computed, an upper bound takes its
-    place, which neglects the terms with other large groups.
+    of a chi-square variable of so many degrees of freedom. The probability is that of the
+    chi-square distribution of the same mean and variance [2]_; where tr(W_k^2) is not computed, an
+    upper bound takes its place, which neglects the terms with other large groups.
 
     References
     ----------
@@ -313,46 +311,22 @@ def sigma_tests(bundle: Bundle) -> tuple[SigmaTest, ...]:
     shares = _shares(bundle, groups)
     if not np.isfinite(shares).all():  # where a point has no coordinates in numbers
         return ()
-    weights = _eigenvalues(bundle, groups)
-    tested = zip(groups, np.diag(shares).tolist(), weights, strict=True)
-    return tuple(
-        _sigma_test(*terms) for terms in tested if np.sum(terms[0]["redundancy"]) > LEAST_TESTED
-    )
-
-
-def _sigma_test(group: _Rows, square: float, weights: Array) -> SigmaTest:
-    """Test one group; `square` is tr(W^2), `weights` are the eigenvalues of W, if computed."""
-    cost, redundancy = float(np.sum(group["squares"])), float(np.sum(group["redundancy"]))
-    effective = redundancy**2 / min(max(square, redundancy**2 / len(group["sigma"])), redundancy)
-    if len(weights):
-        below, above = tails(cost, weights)
-    else:
-        scaled = effective * cost / redundancy
-        below = statistics.chi2_cdf(scaled, effective)
-        above = statistics.chi2_sf(scaled, effective)
-    return SigmaTest(
-        group=group.name,
-        ratio=float(np.sqrt(cost / redundancy)),
-        redundancy=redundancy,
-        effective=effective,
-        p=min(1.0, 2 * min(below, above)),
-    )
-
-
-def _eigenvalues(bundle: Bundle, groups: list[_Rows]) -> list[Array]:
-    """Return the eigenvalues of W of every group that has few rows, and is not of images."""
-    others = [g for g in groups if g.group.kind != "image_point"]
-    first = dict(zip([g.name for g in others], _starts(others), strict=False))
-    few = [g.name for g in others if len(g["sigma"]) <= MOST_EXACT]
-    W = _shown(bundle, others) if few else None
-    out: list[Array] = []
-    for g in groups:
-        if W is None or g.name not in few:
-            out.append(np.zeros(0))
+    tested = []
+    for g, square in zip(groups, np.diag(shares).tolist(), strict=True):
+        cost, redundancy = float(np.sum(g["squares"])), float(np.sum(g["redundancy"]))
+        if redundancy <= LEAST_TESTED:
             continue
-        rows = first[g.name] + np.arange(len(g["sigma"]))
-        out.append(np.clip(np.linalg.eigvalsh(W(rows)[:, rows]), 0.0, 1.0))
-    return out
+        effective = redundancy**2 / min(max(square, redundancy**2 / len(g["sigma"])), redundancy)
+        tested.append(
+            SigmaTest(
+                group=g.name,
+                ratio=float(np.sqrt(cost / redundancy)),
+                redundancy=redundancy,
+                effective=effective,
+                p=two_sided_p(effective * cost / redundancy, effective),
+            )
+        )
+    return tuple(tested)
 
 
 def _groups(bundle: Bundle) -> Iterator[_Rows]:
@@ -503,32 +477,3 @@ def image_groups(block: Block) -> tuple[str, ...]:
 def group_names(block: Block) -> tuple[str, ...]:
     """Return the names of all groups."""
     return (*image_groups(block), *(name for name, _, _ in PARTS))
-
-
-def sentences(found: Sequence[Component]) -> list[str]:
-    """Return a sentence on the multiplied sigma, and one for each wrong sigma."""
-    multiplied = [f"{c.applied:.2f} ± {c.sigma:.2f} ({c.group})" for c in found if c.applied != 1.0]
-    out = [f"the sigma were multiplied by {', '.join(multiplied)}"] if multiplied else []
-    for c in found:
-        if c.is_significant and c.factor > c.applied:
-            out.append(
-                f"the sigma of {c.group} are {c.factor / c.applied:.1f} times too optimistic"
-            )
-        elif c.is_significant:
-            times = c.applied / max(c.factor, 1e-3)
-            out.append(f"the sigma of {c.group} are {times:.1f} times too pessimistic")
-    return out
-
-
-def as_json(found: Sequence[Component]) -> dict[str, dict[str, float | None]]:
-    """Return the factors by group, as values for JSON."""
-    return {
-        c.group: {
-            "factor": c.factor if c.estimable else None,
-            "sigma": c.sigma if c.estimable else None,
-            "applied": c.applied,
-            "redundancy": c.redundancy,
-            "effective_redundancy": c.effective,
-        }
-        for c in found
-    }

@@ -114,17 +114,6 @@ def by_turns(bundle: Bundle, set_up: SetUp, sigma: Array) -> Bundle:
     return replace(adjusted, rejected=bundle.rejected)
 
 
-def turned_sentence(sigma: Array | None) -> str:
-    """Return a sentence on the turns of an exposure's pictures; empty for None."""
-    if sigma is None:
-        return ""
-    about = ", ".join(f"{value:.4f}" for value in np.degrees(sigma).tolist())
-    return (
-        f"the pictures of an exposure do not share a pose: they are turned by {about}° about the "
-        "body's axes (standard deviation, an unknown of every picture)"
-    )
-
-
 def _of_pictures(bundle: Bundle) -> State:
     """Return the state in which every picture has the pose of its exposure."""
     state = bundle.state
@@ -211,21 +200,6 @@ def enlarged(calibration: Calibration, bundle: Bundle) -> Calibration:
     back = np.linalg.solve(T, L)
     return replace(
         calibration, cov=calibration.cov + back * more @ back.T, enlarged=(factors[0], factors[1])
-    )
-
-
-def enlarged_sentence(calibration: Calibration) -> str:
-    """Return a sentence on the factors of enlarged sigma and their reason; empty if unchanged."""
-    groups = ("interior orientations", "heads against each other")
-    phrases = [
-        f"{k:.1f} ({name})" for k, name in zip(calibration.enlarged, groups, strict=True) if k > 1
-    ]
-    if not phrases:
-        return ""
-    return (
-        f"sigma are enlarged by {' and '.join(phrases)}: exposures that are left out change the "
-        "estimates by so much more than independent image points would; points of an exposure "
-        "share errors"
     )
 
 

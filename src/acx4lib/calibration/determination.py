@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from acx4lib.calibration.estimates import (
 )
 from acx4lib.calibration.mounting import Mountings
 from acx4lib.expected import Array, Index
-from acx4lib.geometry.camera import INTERIOR, Camera, Interior
+from acx4lib.geometry.camera import INTERIOR, Camera
 from acx4lib.geometry.collinearity import mounted_jacobian
 from acx4lib.geometry.frames import Pose, opk_jacobian
 from acx4lib.geometry.parameters import AXES, BORESIGHT, LEVER_ARM, POSE, REPORTED
@@ -45,14 +45,8 @@ STRONG = 0.9
 SHARE = 0.05
 """Share of the weakest combination below which an unknown is not named."""
 
-ALIKE = 0.8
-"""Common share of the poses' part above which all poses are said to change alike."""
-
 CARRIED = float(1 / np.finfo(float).eps)
 """Condition above which the weakest direction has no correct digit in double precision, 4.5e15."""
-
-NAMED = 3
-"""Largest number of named images without a position and attitude."""
 
 POSES = dict(
     zip(
@@ -67,8 +61,7 @@ POSES = dict(
 """Name of an unknown of many poses, by its name in one; ``all`` where poses change alike."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Part:
+class Part(NamedTuple):
     """An unknown of the weakest combination; one entry stands for all poses.
 
     Attributes
@@ -83,16 +76,8 @@ class Part:
     share: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class Pair:
-    """Two parameters that are determined only together.
-
-    Attributes
-    ----------
-    row, column : str
-        ``camera/parameter``.
-    correlation : float
-    """
+class Pair(NamedTuple):
+    """Two parameters, ``camera/parameter``, that are determined only together."""
 
     row: str
     column: str
@@ -114,54 +99,20 @@ def weakest_combination(bundle: Bundle) -> tuple[Part, ...]:
     solution, layout = bundle.solution, bundle.network.layout
     if solution.defect > 1 or layout.n_columns == 0:
         return ()
-    v, names = solution.weakest, bundle.network.column_names()
-    parts = [
-        _of_poses(label, v[columns[columns >= 0]])
-        for label, columns in zip(POSES.values(), layout.pose.T, strict=True)
-    ]
+    v, parts = solution.weakest, []
+    for label, columns in zip(POSES.values(), layout.pose.T, strict=True):
+        of_pose = v[columns[columns >= 0]]
+        share = float(of_pose @ of_pose)
+        n = len(of_pose)
+        is_alike = n > 1 and np.sum(of_pose) ** 2 > 0.8 * n * share
+        parts.append(Part(label.format("all " if is_alike else ""), share))
+    names = bundle.network.column_names()
     for column in np.setdiff1d(np.arange(len(v)), layout.pose.ravel()):
-        parts.append(Part(unknown=_reported(names[column]), share=float(v[column] ** 2)))
-    named = (part for part in parts if part.share >= SHARE)
-    return tuple(sorted(named, key=lambda part: -part.share))
-
-
-def beyond_precision(bundle: Bundle) -> str:
-    """Return a sentence on a condition above `CARRIED`, and its images; empty below.
-
-    Positions and attitudes of these images are not known. Unknowns that all images share are known
-    as long as they have a standard deviation.
-    """
-    network = bundle.network
-    if not bundle.solution.condition > CARRIED:
-        return ""
-    n_points = np.bincount(network.image_points.image_idx, minlength=len(bundle.oriented))
-    names = [
-        f"{network.block.images.names[k]} (measured points: {n_points[k]})"
-        for k in np.flatnonzero(~bundle.oriented & (n_points > 0))
-    ]
-    undetermined = (
-        f"the position and attitude of {', '.join(names[:NAMED])}" if names else "all unknowns"
-    )
-    undetermined += f" and {len(names) - NAMED} more" * (len(names) > NAMED)
-    return (
-        "the condition of the normal matrix is more than double precision can carry: the "
-        f"observations do not determine {undetermined}"
-    )
-
-
-def _of_poses(label: str, v: Array) -> Part:
-    """Sum up one unknown of all poses."""
-    share = float(v @ v)
-    is_alike = len(v) > 1 and np.sum(v) ** 2 > ALIKE * len(v) * share
-    return Part(unknown=label.format("all " if is_alike else ""), share=share)
-
-
-def _reported(name: str) -> str:
-    """Return a column's name in results; a boresight column, about camera axes, keeps its own."""
-    owner, key = name.rsplit("/", 1)
-    if key in REPORTED and key not in BORESIGHT:
-        key = REPORTED[key][0]
-    return f"{owner}/{key}"
+        owner, key = names[column].rsplit("/", 1)
+        if key in REPORTED and key not in BORESIGHT:  # a turn about a camera's axis has no other
+            key = REPORTED[key][0]
+        parts.append(Part(f"{owner}/{key}", float(v[column] ** 2)))
+    return tuple(sorted((p for p in parts if p.share >= SHARE), key=lambda part: -part.share))
 
 
 def strong_correlations(calibration: Calibration) -> tuple[Pair, ...]:
@@ -171,25 +122,14 @@ def strong_correlations(calibration: Calibration) -> tuple[Pair, ...]:
     """
     listed = parameters(calibration)
     known = [i for i, p in enumerate(listed) if np.isfinite(p.sigma)]
-    names = [f"{p.camera}/{p.name}" for p in listed]
+    names = [p.full_name for p in listed]
     related = correlation(reported_covariance(calibration))
     pairs = [
-        Pair(row=names[i], column=names[j], correlation=float(related[i, j]))
+        Pair(names[i], names[j], float(related[i, j]))
         for i, j in combinations(known, 2)
         if abs(related[i, j]) > STRONG
     ]
     return tuple(sorted(pairs, key=lambda pair: -abs(pair.correlation)))
-
-
-def as_json(bundle: Bundle, calibration: Calibration) -> dict[str, object]:
-    """Return condition, weakest combination and strong correlations for a summary."""
-    return {
-        "condition": bundle.solution.condition,
-        "weakest": {part.unknown: part.share for part in weakest_combination(bundle)},
-        "correlated": [
-            [pair.row, pair.column, pair.correlation] for pair in strong_correlations(calibration)
-        ],
-    }
 
 
 # --- Correlations between the parameters that a bundle estimates (section 4.1); tests by
@@ -225,10 +165,8 @@ def parameter_correlations(calibration: Calibration) -> pd.DataFrame:
     """Return the correlation matrix of all reported parameters, by their names in results."""
     import pandas as pd  # noqa: PLC0415 it loads long
 
-    names = [
-        p.name if len(calibration.cameras) == 1 else f"{p.camera}/{p.name}"
-        for p in parameters(calibration)
-    ]
+    listed, one = parameters(calibration), len(calibration.cameras) == 1
+    names = [p.name if one else p.full_name for p in listed]
     matrix = correlation(reported_covariance(calibration))
     return pd.DataFrame(matrix, index=names, columns=names)
 
@@ -323,26 +261,17 @@ def nested_f_ratio(bundle: Bundle, test: GroupTest, against: Sequence[Camera]) -
     expected.one_of("test.camera", test.camera, [c.name for c in network.block.cameras])
     k = [camera.name for camera in network.block.cameras].index(test.camera)
     _, columns = estimated_columns(network.layout, k, test.keys)
-    state = bundle.state
-    interiors, mounts = list(state.interiors), state.T_b_c
-    interiors[k], T_b_c = _at(test.keys, interiors[k], mounts[k], against[k])
+    interiors, mounts, source = list(bundle.state.interiors), bundle.state.T_b_c, against[k]
+    values = {key: getattr(source.interior, key) for key in test.keys if key in INTERIOR}
+    interiors[k] = replace(interiors[k], **values)
     R, r = mounts.R.copy(), mounts.r.copy()
-    R[k], r[k] = T_b_c.R, T_b_c.r
-    start = replace(state, interiors=tuple(interiors), T_b_c=Pose(R=R, r=r))
+    r[k] = np.where(np.isin(LEVER_ARM, test.keys), source.T_b_c.r, r[k])
+    if set(test.keys) & set(BORESIGHT):
+        R[k] = source.T_b_c.R
+    start = replace(bundle.state, interiors=tuple(interiors), T_b_c=Pose(R=R, r=r))
     held = adjust(replace(network, layout=holding(network.layout, columns), start=start))
     drop = held.solution.cost - bundle.solution.cost
     return drop / len(test.keys) / bundle.solution.sigma0_sq
-
-
-def _at(
-    keys: Sequence[str], interior: Interior, T_b_c: Pose, source: Camera
-) -> tuple[Interior, Pose]:
-    """Return interior orientation and mounting with the named parameters of another camera."""
-    values = {key: getattr(source.interior, key) for key in keys if key in INTERIOR}
-    return replace(interior, **values), Pose(
-        R=source.T_b_c.R if set(keys) & set(BORESIGHT) else T_b_c.R,
-        r=np.where(np.isin(LEVER_ARM, keys), source.T_b_c.r, T_b_c.r),
-    )
 
 
 # --- The smallest detectable errors of each group of observations, and their effects
@@ -379,35 +308,32 @@ class Detectable:
 
 def detectable(bundle: Bundle) -> tuple[Detectable, ...]:
     """Return every component of every group of observations that takes part in a bundle."""
-    return tuple(_components(bundle))
-
-
-def _components(bundle: Bundle) -> Iterator[Detectable]:
-    columns = _shared_columns(bundle)
-    names = bundle.network.column_names()
+    layout, names, out = bundle.network.layout, bundle.network.column_names(), []
+    columns = np.concatenate([layout.interior.ravel(), layout.mount.ravel()])
+    columns = columns[columns >= 0]  # what images share
     effects = parameter_effects(bundle, columns)
     for group, effect in zip(bundle.solution.groups, effects, strict=True):
-        group_reliability = reliability(group)
-        for d in range(group_reliability.redundancy.shape[1]):
-            used = np.isfinite(group_reliability.redundancy[:, d])
-            if used.any():
+        tested = reliability(group)
+        for d in range(tested.redundancy.shape[1]):
+            used = np.isfinite(tested.redundancy[:, d])
+            if not used.any():
+                continue
+            largest, on = np.nan, ""
+            if len(columns):
                 by_parameter = np.abs(effect[used, d]).max(axis=0)
-                largest = int(np.argmax(by_parameter)) if len(columns) else -1
-                yield Detectable(
+                largest = float(by_parameter.max())
+                on = names[columns[int(np.argmax(by_parameter))]]
+            out.append(
+                Detectable(
                     kind=group.kind,
                     component=d,
-                    redundancy=group_reliability.redundancy[used, d],
-                    bias=group_reliability.detectable[used, d],
-                    effect=float(by_parameter[largest]) if len(columns) else np.nan,
-                    on=names[columns[largest]] if len(columns) else "",
+                    redundancy=tested.redundancy[used, d],
+                    bias=tested.detectable[used, d],
+                    effect=largest,
+                    on=on,
                 )
-
-
-def _shared_columns(bundle: Bundle) -> Index:
-    """Return the columns of interior orientations and mountings, which images share."""
-    layout = bundle.network.layout
-    columns = np.concatenate([layout.interior.ravel(), layout.mount.ravel()])
-    return columns[columns >= 0]
+            )
+    return tuple(out)
 
 
 # --- The lever arm that an interior orientation took up: two-step against single step
@@ -486,25 +412,23 @@ def absorption(mountings: Mountings) -> Absorption | None:
         return None
     if trajectory_errors.parameters(single.bundle):
         return None
-    network, inverse = gnss.bundle.network, _inverse_at(single.bundle, gnss.bundle)
+    network, state = gnss.bundle.network, single.bundle.state
+    same = replace(
+        gnss.bundle.state, interiors=state.interiors, T_m_b=single.bundle.T_m_c, x_m=state.x_m
+    )
+    with processors.on_one_thread():
+        inverse = adjustment.normals(network, same).precision().inverse
     J, rows = by_lever_arms(network, inverse), _columns(network.layout)
-    held = np.concatenate([camera.T_b_c.r for camera in by_gnss.cameras])
+    lever, held = (
+        np.concatenate([camera.T_b_c.r for camera in of.cameras]) for of in (by_single, by_gnss)
+    )
     return Absorption(
         cameras=tuple(camera.name for camera in by_single.cameras),
         by_lever=J,
         shift_mm=_interior(by_gnss) - _interior(by_single),
-        lever_m=np.concatenate([camera.T_b_c.r for camera in by_single.cameras]) - held,
+        lever_m=lever - held,
         cov_mm=inverse.at(rows[:, None], rows) - _covariance(by_single, J),
     )
-
-
-def _inverse_at(single: Bundle, gnss: Bundle) -> Inverse:
-    """Return the covariance of the two-step bundle's unknowns at the single step's estimates."""
-    state = replace(
-        gnss.state, interiors=single.state.interiors, T_m_b=single.T_m_c, x_m=single.state.x_m
-    )
-    with processors.on_one_thread():
-        return adjustment.normals(gnss.network, state).precision().inverse
 
 
 def by_lever_arms(network: Network, inverse: Inverse) -> Array:

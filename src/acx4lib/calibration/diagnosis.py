@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,9 +15,44 @@ from acx4lib.bundle.variance_components import Component, SigmaTest
 from acx4lib.calibration import confirmation, determination, estimates, stability, trajectory_errors
 from acx4lib.calibration.confirmation import Confirmation
 from acx4lib.calibration.determination import Pair, Part
-from acx4lib.calibration.estimates import Calibration
+from acx4lib.calibration.estimates import Calibration, Parameter
 from acx4lib.calibration.stability import Turns
 from acx4lib.calibration.trajectory_errors import ByCourse
+from acx4lib.expected import Array
+
+MOST = 0.25
+"""Share of the variance of a ground point above which a parameter is weak."""
+
+RESTS = 4.0
+"""Ratio of sigma in calm air over level ground to sigma above which it rests on wind and hills."""
+
+CHECK_POINTS, CORNERS = "check points", "the ground under the format's corners"
+"""Ground points of the shares."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weak:
+    """A parameter that is determined, but weakly.
+
+    Attributes
+    ----------
+    parameter : Parameter
+    share : float
+        Its largest share of the variance of ground points, above `MOST`; otherwise zero.
+    axis : int
+        The axis of this share: 0 east, 1 north, 2 height.
+    calm : float
+        By how many times its sigma would be larger in calm air over level ground, above `RESTS`;
+        otherwise one.
+    of : str
+        Ground points of the share.
+    """
+
+    parameter: Parameter
+    share: float = 0.0
+    axis: int = 0
+    calm: float = 1.0
+    of: str = CHECK_POINTS
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,6 +117,32 @@ class Diagnosis:
         """Test of a drift of the boresight."""
         return stability.over_time(self.bundle)
 
+    def weak(self, shares: Array | None = None, *, of: str = CORNERS) -> list[Weak]:
+        """Return the parameters that are determined, but weakly.
+
+        Parameters
+        ----------
+        shares : ndarray, shape (3, n), or None
+            Of the parameters in the variance of ground points, as `budget.parameter_shares`.
+        of : str
+            These ground points.
+        """
+        bundle, calibration = self.bundle, self.calibration
+        listed = [*estimates.parameters(calibration), *trajectory_errors.parameters(bundle)]
+        determined = [
+            *estimates.is_determined(calibration),
+            *trajectory_errors.is_determined(bundle),
+        ]
+        calm = stability.calm_sigmas(bundle)
+        ratios = np.ones(len(listed)) if calm is None else calm
+        by_share = {w.parameter.full_name: w for w in of_shares(calibration, shares, of=of)}
+        by_wind = [
+            replace(by_share.pop(p.full_name, Weak(parameter=p)), calm=float(ratio))
+            for p, good, ratio in zip(listed, determined, ratios, strict=True)
+            if good and ratio > RESTS
+        ]
+        return [*by_wind, *by_share.values()]
+
     @property
     def by_course(self) -> ByCourse | None:
         """Test of recorded headings by course."""
@@ -113,6 +174,27 @@ class Diagnosis:
         adjusted = bundle.T_m_c.r[images, 2] - control.mean()
         scale = float(np.median(adjusted / observed))
         return scale if abs(scale - 1) > abs(by_focal_length - 1) else by_focal_length
+
+
+def of_shares(
+    calibration: Calibration, shares: Array | None, *, of: str = CHECK_POINTS
+) -> list[Weak]:
+    """Return the camera parameters with too large a share of the variance of ground points.
+
+    Parameters
+    ----------
+    calibration, shares, of
+        As in `Diagnosis.weak`.
+    """
+    if shares is None:
+        return []
+    listed = estimates.parameters(calibration)
+    determined = estimates.is_determined(calibration)
+    return [
+        Weak(parameter=p, share=float(by_axis.max()), axis=int(by_axis.argmax()), of=of)
+        for p, good, by_axis in zip(listed, determined, shares.T, strict=True)
+        if good and by_axis.max() > MOST
+    ]
 
 
 def of(

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from acx4lib.bundle.adjust import Bundle
 
 
+KEYS = (*INTERIOR, *MOUNT)
+"""The library's names of all parameters of a camera."""
+
 TWO_STEP = ("two_step", "two_step_gnss")
 """Methods that average over images, eqs (12) and (13); the paper's is the second of them."""
 
@@ -92,16 +95,15 @@ class Calibration:
     cov_before: Array | None = None
 
     def __post_init__(self) -> None:
-        n = self.layout.n_columns
-        if self.cov_before is not None:
-            expected.shape("cov_before", self.cov_before, (n, n))
-        expected.shape("cov", self.cov, (n, n))
+        expected.shape("cov", self.cov, (self.n_columns, self.n_columns))
         expected.positive("sigma0_sq", self.sigma0_sq, zero=True)
 
     def __repr__(self) -> str:
         """Describe the calibration in one line."""
         cameras = shown.names([camera.name for camera in self.cameras])
-        return shown.line("Calibration", cameras, *_size(self))
+        n = shown.count(self.n_columns, "parameter")
+        fit = f"σ0² {self.sigma0_sq:.3f}" if self.n_columns else ""
+        return shown.line("Calibration", cameras, n, fit)
 
     def table(self) -> pd.DataFrame:
         """Return estimated and held parameters with their units and sigma.
@@ -122,11 +124,6 @@ class Calibration:
         if self.cov_before is None:
             return self.cov
         return self.cov + self.cov_before / self.sigma0_sq
-
-
-def _size(calibration: Calibration) -> tuple[str, str]:
-    n = shown.count(calibration.n_columns, "parameter")
-    return n, f"σ0² {calibration.sigma0_sq:.3f}" if calibration.n_columns else ""
 
 
 def parameter_rows(calibration: Calibration, *, only_interior: bool = False) -> Iterator[shown.Row]:
@@ -212,42 +209,32 @@ def parameters(calibration: Calibration) -> list[Parameter]:
     before: Array = np.zeros(calibration.n_columns)
     if calibration.cov_before is not None:
         before = sigmas(propagate(to_reported(calibration), calibration.cov_before))
-    open_columns = _open_reported(calibration)
-    out = []
+    # an angle depends on the columns of all turns: it is open where one of these is
+    is_open = (np.abs(to_reported(calibration)) > 1e-6) @ calibration.open_columns > 0
+    by_column = {}
     for k, camera in enumerate(calibration.cameras):
         values = reported_values(camera)
-        for key, column in zip((*INTERIOR, *MOUNT), _columns(calibration, k), strict=True):
+        columns = np.concatenate([calibration.layout.interior[k], calibration.layout.mount[k]])
+        for key, column in zip(KEYS, columns.tolist(), strict=True):
             if column >= 0:
                 name, unit = REPORTED[key]
-                out.append(
-                    Parameter(
-                        camera=camera.name,
-                        name=name,
-                        key=key,
-                        unit=unit,
-                        value=values[name],
-                        sigma=np.inf if open_columns[column] else float(sigma[column]),
-                        sigma_before=float(before[column]),
-                    )
+                by_column[column] = Parameter(
+                    camera=camera.name,
+                    name=name,
+                    key=key,
+                    unit=unit,
+                    value=values[name],
+                    sigma=np.inf if is_open[column] else float(sigma[column]),
+                    sigma_before=float(before[column]),
                 )
-    return sorted(out, key=lambda p: _position(calibration, p))
-
-
-def _position(calibration: Calibration, parameter: Parameter) -> int:
-    names = [camera.name for camera in calibration.cameras]
-    columns = _columns(calibration, names.index(parameter.camera))
-    return int(columns[(*INTERIOR, *MOUNT).index(parameter.key)])
-
-
-def _columns(calibration: Calibration, k: int) -> Index:
-    return np.concatenate([calibration.layout.interior[k], calibration.layout.mount[k]])
+    return [by_column[column] for column in sorted(by_column)]
 
 
 def reported_values(camera: Camera) -> dict[str, float]:
     """Return all parameters of a camera by their names in results, in their units."""
     mounting = np.concatenate([camera.T_b_c.r, np.degrees(camera.T_b_c.opk)])
     values = np.concatenate([camera.interior.to_array(), mounting]).tolist()
-    return {REPORTED[key][0]: v for key, v in zip((*INTERIOR, *MOUNT), values, strict=True)}
+    return {REPORTED[key][0]: v for key, v in zip(KEYS, values, strict=True)}
 
 
 def with_reported(camera: Camera, values: Mapping[str, float]) -> Camera:
@@ -285,167 +272,45 @@ def reported_covariance(calibration: Calibration) -> Array:
     return calibration.sigma0_sq * propagate(to_reported(calibration), calibration.total_cov)
 
 
-def _open_reported(calibration: Calibration) -> Mask:
-    """Mark reported parameters that depend on undetermined columns, shape (n,)."""
-    return (np.abs(to_reported(calibration)) > 1e-6) @ calibration.open_columns > 0
-
-
 def is_determined(calibration: Calibration) -> Mask:
     """Tell for every reported parameter whether the data determine it, shape (n,)."""
     f = {camera.name: camera.interior.f for camera in calibration.cameras}
-    listed, limits = parameters(calibration), []
-    for p in listed:
-        if p.key in ("f", "xp", "yp"):
-            limits.append(LIMIT_INTERIOR * f[p.camera])
-        elif p.key in LEVER_ARM:
-            limits.append(LIMIT_LEVER_M)
-        elif p.key in BORESIGHT:
-            limits.append(calibration.limit_boresight_deg)
-        else:
-            limits.append(np.inf)
-    sigma = np.array([p.sigma for p in listed])
-    return (sigma <= np.array(limits)) & np.isfinite(sigma)
-
-
-AS_ONE = 0.99
-"""Correlation from which parameters of two heads are open together: one sentence is enough."""
-
-
-def not_determined(calibration: Calibration, features: frozenset[str] = frozenset()) -> list[str]:
-    """Return a sentence per undetermined parameter, or per group of heads with correlated ones.
-
-    It names the standard deviation, the largest correlations and the geometry that helps.
-
-    Parameters
-    ----------
-    calibration : Calibration
-    features : frozenset of str
-        Geometry of the flight as `features` returns it; a sentence does not ask for it.
-    """
+    limits = dict.fromkeys(LEVER_ARM, LIMIT_LEVER_M)
+    limits |= dict.fromkeys(BORESIGHT, calibration.limit_boresight_deg)
     listed = parameters(calibration)
-    related = correlation(reported_covariance(calibration))
-    out = []
-    for group in _alike(listed, related, np.flatnonzero(~is_determined(calibration))):
-        i = group[0]
-        p = listed[i]
-        strongest = sorted(
-            (j for j in range(len(listed)) if j != i), key=lambda j: -abs(related[i, j])
-        )[:2]
-        with_others = ", ".join(
-            f"{related[i, j]:+.2f} with {_name_beside(listed[j], p)}" for j in strongest
-        )
-        named = f"{p.camera} {p.name}"
-        if len(group) > 1:
-            named = f"{p.name} of {', '.join(listed[j].camera for j in group)}"
-            with_others = f"{min(related[i, j] for j in group):+.2f} with each other"
-        out.append(
-            f"{named} is not determined ({_how_well(p)}; correlation {with_others}); "
-            f"it would need: {needed(p.key, features)}"
-        )
-    return out
+    of_f = [LIMIT_INTERIOR * f[p.camera] if p.key in ("f", "xp", "yp") else np.inf for p in listed]
+    limit = np.array([limits.get(p.key, of) for p, of in zip(listed, of_f, strict=True)])
+    sigma = np.array([p.sigma for p in listed])
+    return (sigma <= limit) & np.isfinite(sigma)
 
 
-def _how_well(p: Parameter) -> str:
-    if np.isinf(p.sigma):
-        return "left open by the observations"
-    return f"sigma {p.sigma:.3g} {p.unit}"
-
-
-def _alike(listed: Sequence[Parameter], related: Array, open_idx: Index) -> list[list[int]]:
-    """Group undetermined parameters of equal name and sigma that correlate between heads."""
-    groups: list[list[int]] = []
-    for i in open_idx.tolist():
-        p = listed[i]
-        for group in groups:
-            first = listed[group[0]]
-            is_same = (first.name, _how_well(first)) == (p.name, _how_well(p))
-            if is_same and related[group[0], i] > AS_ONE:
-                group.append(i)
-                break
-        else:
-            groups.append([i])
-    return groups
-
-
-def _name_beside(other: Parameter, parameter: Parameter) -> str:
-    return other.name if other.camera == parameter.camera else f"{other.name} of {other.camera}"
-
-
-def rough_boresights(calibration: Calibration) -> str:
-    """Return a sentence on boresights that rough attitudes leave uncertain; empty without them."""
-    sigma = [
-        p.sigma
-        for p, determined in zip(parameters(calibration), is_determined(calibration), strict=True)
-        if determined and p.key in BORESIGHT and p.sigma > LIMIT_BORESIGHT_DEG
-    ]
-    if not sigma:
-        return ""
-    return (
-        f"boresights have sigma up to {max(sigma):.2g} degrees, more than {LIMIT_BORESIGHT_DEG:g}: "
-        f"attitudes of {calibration.limit_boresight_deg:.2g} degrees (median) give no better"
-    )
+def undetermined(calibration: Calibration) -> list[Parameter]:
+    """Return the reported parameters that the data do not determine."""
+    listed = zip(parameters(calibration), is_determined(calibration), strict=True)
+    return [p for p, determined in listed if not determined]
 
 
 # --- The flight geometry that determines a parameter, and the part that a flight lacks
 
 
-ALONG, ACROSS = 0.9, 0.3
-"""Cosines of flying directions that are opposite, and of those that are crosswise."""
-
-SAME_SPEED = 0.1
-"""Strips whose ground speeds differ by less than this share count as flown at one speed."""
-
-OUTER = 0.85
-"""Share of half the image diagonal from which a measurement lies in a corner."""
-
 ENOUGH = "more images or measurements of what is there already, or it held"
 """Advice for a parameter where the flight already has the geometry."""
 
-BEYOND = 300_000.0
-"""Distance from the median of the control points, m, that no point of a block can have."""
+_HILLS = "two flying heights (hills or tilted images in a bundle on control points alone)"
+_CONTROL = ("control points", "control")
+_OPPOSITE = ("strips flown in opposite directions", "opposite")
+_SIDES = ("measurements on all sides of the images", "sides")
+_CORNERS = ("measurements in the corners of the images, or k3 held", "corners")
+_TIED = ("control points or strips flown in opposite directions", "control opposite")
+_HEIGHTS = ("two flying heights", "heights")
+_HEIGHTS_OR_LEVER = ("two flying heights, or the lever arm held", "heights")
+_CROSSWISE = ("strips flown crosswise", "crosswise")
 
-
-@dataclass(frozen=True, kw_only=True)
-class Need:
-    """A condition that determines a parameter.
-
-    Attributes
-    ----------
-    text : str
-    features : tuple of str
-        Features of a flight, any of which is enough, as `features` returns them.
-    """
-
-    text: str
-    features: tuple[str, ...]
-
-
-_HEIGHTS = Need(text="two flying heights", features=("heights",))
-_CONTROL = Need(text="control points", features=("control",))
-_OPPOSITE = Need(text="strips flown in opposite directions", features=("opposite",))
-_SIDES = Need(text="measurements on all sides of the images", features=("sides",))
-_CORNERS = Need(text="measurements in the corners of the images, or k3 held", features=("corners",))
-_HELD = Need(text="two flying heights, or the lever arm held", features=("heights",))
-_CROSSWISE = Need(text="strips flown crosswise", features=("crosswise",))
-_TIED = Need(
-    text="control points or strips flown in opposite directions", features=("control", "opposite")
-)
-
-NEEDS: Mapping[str, tuple[Need, ...]] = {
-    "f": (
-        Need(
-            text="two flying heights (hills or tilted images in a bundle on control points alone)",
-            features=("heights",),
-        ),
-        Need(text="control points or accurate GNSS heights", features=("control",)),
-    ),
-    "xp": (_HELD,),
-    "yp": (_HELD,),
-    "k1": (
-        Need(
-            text="measurements from the middle to the corners of the images", features=("corners",)
-        ),
-    ),
+NEEDS: Mapping[str, tuple[tuple[str, str], ...]] = {
+    "f": ((_HILLS, "heights"), ("control points or accurate GNSS heights", "control")),
+    "xp": (_HEIGHTS_OR_LEVER,),
+    "yp": (_HEIGHTS_OR_LEVER,),
+    "k1": (("measurements from the middle to the corners of the images", "corners"),),
     "k2": (_CORNERS,),
     "k3": (_CORNERS,),
     "p1": (_SIDES, _OPPOSITE),
@@ -454,46 +319,37 @@ NEEDS: Mapping[str, tuple[Need, ...]] = {
     "b2": (_SIDES, _CROSSWISE),
     "lever_x": (_HEIGHTS, _TIED),
     "lever_y": (_HEIGHTS, _TIED),
-    "lever_z": (_CONTROL, Need(text="two flying heights or f held", features=("heights",))),
+    "lever_z": (_CONTROL, ("two flying heights or f held", "heights")),
     "boresight_x": (_OPPOSITE, _CONTROL),
     "boresight_y": (_OPPOSITE, _CONTROL),
-    "boresight_z": (
-        Need(
-            text="tie points over overlapping strips, or control points",
-            features=("overlap", "control"),
-        ),
-    ),
+    "boresight_z": (("tie points over overlapping strips, or control points", "overlap control"),),
     "shift": (
         _CONTROL,
-        Need(
-            text="strips flown in opposite directions or the lever arm held", features=("opposite",)
-        ),
+        ("strips flown in opposite directions or the lever arm held", "opposite"),
     ),
-    "drift": (Need(text="control points along the strip", features=()),),
-    "delay": (
-        Need(text="strips flown at different speeds, or the lever arm held", features=("speeds",)),
-        _TIED,
-    ),
-    "deviation": (
-        Need(text="strips flown in opposite directions", features=("opposite",)),
-        Need(text="strips across the others", features=("crosswise",)),
-    ),
+    "drift": (("control points along the strip", ""),),
+    "delay": (("strips flown at different speeds, or the lever arm held", "speeds"), _TIED),
+    "deviation": (_OPPOSITE, ("strips across the others", "crosswise")),
 }
-"""Conditions that determine each parameter, by its name in the library."""
+"""Conditions that determine each parameter, by its name in the library, each with the features of
+a flight any of which is enough, as `features` returns them."""
 
 
-def needed(key: str, features: frozenset[str] = frozenset()) -> str:
+def needed(key: str, present: frozenset[str] = frozenset()) -> str:
     """Return the conditions for a parameter that a flight does not meet, for a message.
 
     Parameters
     ----------
     key : str
         The library's name of the parameter.
-    features : frozenset of str
+    present : frozenset of str
         Features of the flight; by default, none.
     """
-    lacking = [need.text for need in NEEDS[key] if not features.intersection(need.features)]
-    return ", and ".join(lacking) or ENOUGH
+    return ", and ".join(_lacking(key, present)) or ENOUGH
+
+
+def _lacking(key: str, present: frozenset[str]) -> list[str]:
+    return [text for text, features in NEEDS[key] if not present.intersection(features.split())]
 
 
 @contextmanager
@@ -511,8 +367,7 @@ def saying_what_lacks(block: Block, keys: Sequence[str]) -> Iterator[None]:
         yield
     except NotConverged as error:
         n, present = len(np.unique(block.images.exposure_idx)), features(block)
-        needs = [need for key in keys for need in NEEDS[key] if need.features]
-        lacking = [need.text for need in needs if not present.intersection(need.features)]
+        lacking = [text for key in keys for text in _lacking(key, present)]
         wanted = "; ".join(dict.fromkeys(lacking)) or "more images or measurements"
         msg = (
             f"{error}; {shown.count(n, 'exposure')} may be too little for what is estimated. It "
@@ -529,14 +384,22 @@ def features(block: Block) -> frozenset[str]:
     """
     way, height = directions(block), flying_heights(block)
     turns = way @ way.T
+    points, n_cameras = block.image_points, len(block.cameras)
+    camera = block.images.camera_idx[points.image_idx]
+    size = np.array([[camera.width_px, camera.height_px] for camera in block.cameras])
+    half = (size[camera] - 1) / 2
+    place = (points.colrow - half) / half
+    side = np.hstack([place > 0.5, place < -0.5])
+    corner = np.hypot(*place.T) / np.sqrt(2) > 0.85  # of half the image diagonal
     flags = {
-        "heights": bool(height.min() < (1 - SAME_HEIGHT) * height.max()),
+        "heights": height.min() < (1 - SAME_HEIGHT) * height.max(),
         "control": _has_control(block),
-        "opposite": bool(np.any(turns < -ALONG)),
-        "crosswise": bool(np.any(np.abs(turns) < ACROSS)),
+        "opposite": np.any(turns < -0.9),
+        "crosswise": np.any(np.abs(turns) < 0.3),
         "overlap": _has_overlap(block),
         "speeds": _has_speeds(block),
-        **_places(block),
+        "corners": all(corner[camera == k].any() for k in range(n_cameras)),
+        "sides": all(side[camera == k].any(axis=0).all() for k in range(n_cameras)),
     }
     return frozenset(name for name, present in flags.items() if present)
 
@@ -557,11 +420,12 @@ def require_control(block: Block) -> None:
     AdjustmentError
         Without them, exterior orientations that no trajectory observes have no datum.
     """
+    beyond = 300_000.0  # m from the others, that no point of a block can have
     rays = block.rays[block.control.point_idx]
     usable = np.isfinite(block.control.sigma_m).all(axis=1) & (rays > 0)
     x_m, spread = block.control.x_m[usable], np.zeros(3)
     if len(x_m):  # seen from an absurdly far point, all others seem to lie in one place
-        x_m = x_m[np.abs(x_m - np.median(x_m, axis=0)).max(axis=1) < BEYOND]
+        x_m = x_m[np.abs(x_m - np.median(x_m, axis=0)).max(axis=1) < beyond]
         spread = np.linalg.svd(x_m - x_m.mean(axis=0), compute_uv=False)
     if len(x_m) < 3 or spread[1] < 1e-3 * max(spread[0], 1.0):
         needed = "three that do not lie on one line are needed"
@@ -577,7 +441,7 @@ def _has_speeds(block: Block) -> bool:
         return False
     strip = strips_of(block).idx
     usual = [float(np.median(speed[strip == k])) for k in range(strip.max() + 1)]
-    return min(usual) < (1 - SAME_SPEED) * max(usual)
+    return min(usual) < 0.9 * max(usual)
 
 
 def _has_overlap(block: Block) -> bool:
@@ -592,34 +456,12 @@ def _has_overlap(block: Block) -> bool:
     return bool(np.any(point_strip[points.point_idx] != measured_strip))
 
 
-def _places(block: Block) -> dict[str, bool]:
-    """Tell where in their images all cameras have measurements."""
-    points, cameras = block.image_points, block.cameras
-    camera_idx = block.images.camera_idx[points.image_idx]
-    size = np.array([[camera.width_px, camera.height_px] for camera in cameras])
-    half = (size[camera_idx] - 1) / 2
-    place = (points.colrow - half) / half
-    corner = np.hypot(*place.T) / np.sqrt(2) > OUTER
-    masks = [camera_idx == k for k in range(len(cameras))]
-    return {
-        "corners": all(bool(corner[mask].any()) for mask in masks),
-        "sides": all(
-            bool(np.any(side * place[mask, axis] > 0.5))
-            for mask in masks
-            for axis in (0, 1)
-            for side in (-1, 1)
-        ),
-    }
-
-
 # --- joint tests of several parameters --------------------------------------------------------
 #
 # A single test compares a parameter with a value while the others are free. Where k1, k2 and k3
 # correlate by -0.99, each of them may be near zero if the other two take over its part. So none
 # seems significant, although together they are. A joint test compares all of them at once.
 
-
-KEYS = (*INTERIOR, *MOUNT)
 
 GROUPS = (("k1", "k2", "k3"), ("p1", "p2"), LEVER_ARM, BORESIGHT)
 """Parameters that are tested together."""

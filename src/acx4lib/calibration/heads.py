@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -13,15 +13,14 @@ from acx4lib import expected, shown
 from acx4lib.block import Block, select_cameras
 from acx4lib.bundle.adjust import Bundle, adjust, free_orientation, qualities
 from acx4lib.bundle.gross_errors import adjust_rejecting
-from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations import shared_errors
 from acx4lib.bundle.rejections import without
 from acx4lib.calibration.estimates import (
     from_bundle,
-    not_determined,
     parameter_rows,
     reported_covariance,
     require_control,
+    undetermined,
 )
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
@@ -30,13 +29,11 @@ from acx4lib.geometry.frames import Pose, mean_rotation, opk_jacobian, skew, tra
 from acx4lib.geometry.parameters import RELATIVE
 from acx4lib.least_squares.adjustment import cross_covariance
 from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.model import Model
 
 if TYPE_CHECKING:
     import pandas as pd
 
-
-RADII = 200
-"""Of the profile of a lens."""
 
 LEAST_CONTROL = 3
 """Control points that heads need, which no trajectory orients."""
@@ -172,10 +169,8 @@ class CommonExposures:
         Of the body, from the trajectory.
     T_m_h : tuple of Pose
         By head, from its bundle.
-    scale : ndarray, shape (n,)
-        Image scale of the first head, mm per m on the ground.
-    height : ndarray, shape (n,)
-        Of the first head over ground, m.
+    scale, height : ndarray, shape (n,)
+        Image scale of the first head, mm per m on the ground, and its height over ground, m.
     """
 
     names: tuple[str, ...]
@@ -188,12 +183,7 @@ class CommonExposures:
 
 
 def calibrate_heads(
-    block: Block,
-    heads: Sequence[str],
-    *,
-    free: Sequence[str],
-    refraction: str = "none",
-    after: Heads | None = None,
+    block: Block, heads: Sequence[str], model: Model, *, after: Heads | None = None
 ) -> Heads:
     """Adjust every head by itself with free exterior orientation, and reject gross errors.
 
@@ -202,10 +192,8 @@ def calibrate_heads(
     block : Block
     heads : sequence of str
         Cameras of the block.
-    free : sequence of str
-        Interior parameters, names of `camera.INTERIOR`; the others are held.
-    refraction : str
-        ``"none"`` or ``"standard"``.
+    model : Model
+        Its `fix` and `gnss` have no effect.
     after : Heads, optional
         Another calibration in the same block. Its rejected gross errors are taken over; no others
         are searched for.
@@ -214,30 +202,22 @@ def calibrate_heads(
     -------
     Heads
         A head that cannot be adjusted is in `failures`.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name.
     """
-    network = partial(free_orientation, free=free, refraction=refraction)
+    network = partial(free_orientation, model=model)
     bundles, failures = {}, {}
-    before = after.bundles if after else {}
     for name in heads:
         alone = select_cameras(block, [name])
+        before = after.bundles.get(name) if after else None
         try:
             require_control(alone)
-            bundles[name] = _calibrated(alone, network, before.get(name))
+            if before is None:
+                bundles[name] = adjust_rejecting(alone, network)
+            else:
+                fit = adjust(network(without(alone, before.rejected)))
+                bundles[name] = replace(fit, rejected=before.rejected)
         except AdjustmentError as error:
             failures[name] = str(error)
     return Heads(bundles=bundles, failures=failures)
-
-
-def _calibrated(alone: Block, network: Callable[[Block], Network], before: Bundle | None) -> Bundle:
-    """Adjust one head; rejections of a previous adjustment, if given, are taken over."""
-    if before is None:
-        return adjust_rejecting(alone, network)
-    return replace(adjust(network(without(alone, before.rejected))), rejected=before.rejected)
 
 
 def above_gnss(fit: Bundle) -> float:
@@ -314,7 +294,9 @@ def relative_orientation(
     if heads.failures:
         raise AdjustmentError(f"{', '.join(heads.failures)} could not be adjusted")
     fits = list(heads.bundles.values())
-    if not weak and (open_ones := [n for n, fit in heads.bundles.items() if _is_weak(fit)]):
+    if not weak and (
+        open_ones := [n for n, fit in heads.bundles.items() if undetermined(from_bundle(fit))]
+    ):
         msg = f"the interior orientation of {', '.join(open_ones)} is not determined"
         raise AdjustmentError(msg)
     common = common_exposures(heads)
@@ -385,10 +367,6 @@ def declared_orientation(heads: Sequence[Camera], synthetic: Camera) -> Relative
     )
 
 
-def _is_weak(fit: Bundle) -> bool:
-    return bool(not_determined(from_bundle(fit)))
-
-
 def common_exposures(heads: Heads) -> CommonExposures:
     """Return the poses of all heads at the exposures that they have in common.
 
@@ -400,41 +378,31 @@ def common_exposures(heads: Heads) -> CommonExposures:
         For no heads.
     """
     fits = list(heads.bundles.values())
-    sets = []
-    for fit in fits:
+    trajectory = fits[0].network.block.trajectory
+    image = np.full((len(fits), len(trajectory)), -1)
+    complete: Mask = np.all(np.isfinite(trajectory.sigma_attitude), axis=1)
+    for k, fit in enumerate(fits):
         exposure = fit.network.block.images.exposure_idx
-        sigma = fit.network.block.trajectory.sigma_attitude
-        attitude: Mask = np.all(np.isfinite(sigma), axis=1)
-        sets.append(set(exposure[fit.oriented & attitude[exposure]].tolist()))
-    exposures = np.array(sorted(set.intersection(*sets)), dtype=np.intp)
+        image[k, exposure] = np.arange(len(exposure))
+        complete &= np.isin(np.arange(len(trajectory)), exposure[fit.oriented])
+    exposures = np.flatnonzero(complete)
     if len(exposures) == 0:
         msg = (
             "the heads share no exposure at which all of them are oriented; each needs images "
             "there, and three control points off one line in its images"
         )
         raise AdjustmentError(msg)
-    images, trajectory = (
-        [_images_at(fit, exposures) for fit in fits],
-        fits[0].network.block.trajectory,
-    )
+    images = tuple(image[:, exposures])
     scale, height = ground_scale(fits[0], images[0])
     return CommonExposures(
         names=tuple(trajectory.exposures[i] for i in exposures),
         idx=exposures,
-        images=tuple(images),
+        images=images,
         T_m_b=trajectory.T_m_b[exposures],
         T_m_h=tuple(fit.T_m_c[idx] for fit, idx in zip(fits, images, strict=True)),
         scale=scale,
         height=height,
     )
-
-
-def _images_at(fit: Bundle, exposures: Index) -> Index:
-    """Return the image of a head at every one of some exposures."""
-    exposure = fit.network.block.images.exposure_idx
-    image = np.full(len(fit.network.block.trajectory), -1)
-    image[exposure] = np.arange(len(exposure))
-    return image[exposures]
 
 
 def ground_scale(first: Bundle, images: Index) -> tuple[Array, Array]:
@@ -504,36 +472,29 @@ def _covariance(
     `derivatives` are by the heads' poses, by the trajectory, by the first focal length.
     """
     J, K, by_f = derivatives
-    n = 16 * len(fits)
+    n_heads, n = len(fits), 16 * len(fits)
     cov, by_control = np.zeros((n, n)), []
     for k, (fit, idx) in enumerate(zip(fits, images, strict=True)):
-        by_columns = _by_columns(fit, k, idx, J[:, :, k])
-        own_f = fit.network.layout.interior[0, 0]
-        if k == 0 and own_f >= 0:
-            by_columns[: len(by_f), own_f] = by_f
+        columns = fit.network.layout
+        lens = columns.interior[0]
+        by_columns = np.zeros((n, columns.n_columns))
+        by_columns[: 6 * n_heads, columns.pose[idx].ravel()] = J[:, :, k].reshape(6 * n_heads, -1)
+        rows = 6 * n_heads + len(INTERIOR) * k + np.flatnonzero(lens >= 0)
+        by_columns[rows, lens[lens >= 0]] = 1.0
+        if k == 0 and lens[0] >= 0:
+            by_columns[: len(by_f), lens[0]] = by_f
         by_columns *= np.sqrt(fit.solution.sigma0_sq)
         by_control.append(by_columns @ _by_control(fit))
         cov += fit.solution.inverse.times(by_columns) @ by_columns.T
         cov -= by_control[k] @ by_control[k].T
     together: Array = np.sum(by_control, axis=0)
     by_body = np.zeros((n, len(exposures), 6))
-    by_body[: 6 * len(fits)] = K.reshape(-1, len(exposures), 6)
+    by_body[: 6 * n_heads] = K.reshape(-1, len(exposures), 6)
     trajectory = fits[0].network.block.trajectory
     cov += np.einsum("iea,eab,jeb->ij", by_body, trajectory.cov[exposures], by_body)
     if (shared := shared_errors(trajectory, exposures)) is not None:
         cov += shared.among(np.moveaxis(by_body, 1, 0))
     return cov + together @ together.T
-
-
-def _by_columns(fit: Bundle, k: int, images: Index, by_pose: Array) -> Array:
-    """Return the derivatives of all joint quantities by the columns of head k's bundle."""
-    columns = fit.network.layout
-    n_heads = len(by_pose)
-    out = np.zeros((16 * n_heads, columns.n_columns))
-    out[: 6 * n_heads, columns.pose[images].ravel()] = by_pose.reshape(6 * n_heads, -1)
-    lens = columns.interior[0]
-    out[6 * n_heads + len(INTERIOR) * k + np.flatnonzero(lens >= 0), lens[lens >= 0]] = 1.0
-    return out
 
 
 def _by_control(fit: Bundle) -> Array:
@@ -575,7 +536,7 @@ def radial_profile(fit: Bundle) -> tuple[Array, Array, Array]:
         Radius, mm; distortion of eqs (7)-(8) and its a posteriori standard deviation, px.
     """
     camera, calibration = fit.cameras[0], from_bundle(fit)
-    r = np.linspace(0.0, corner_radius(camera), RADII)
+    r = np.linspace(0.0, corner_radius(camera), 200)
     powers = np.stack([r**3, r**5, r**7], axis=1) / camera.pixel_mm
     values = np.array([getattr(camera.interior, name) for name in RADIAL])
     columns = calibration.layout.interior[0][[INTERIOR.index(name) for name in RADIAL]]

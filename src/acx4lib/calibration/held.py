@@ -9,7 +9,7 @@ cofactor is 1 / S, and v'Pv falls by g^2 / S. Nothing is adjusted a second time.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,6 @@ import numpy as np
 from acx4lib import shown
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations import position_equations
 from acx4lib.bundle.unknowns import Layout, holding
 from acx4lib.calibration.estimates import (
     LIMIT_INTERIOR,
@@ -31,7 +30,7 @@ from acx4lib.calibration.estimates import (
 )
 from acx4lib.calibration.heads import corner_radius
 from acx4lib.calibration.mounting import Mounting
-from acx4lib.expected import Array, Index, Mask
+from acx4lib.expected import Array, Mask
 from acx4lib.geometry.camera import INTERIOR, Camera
 from acx4lib.geometry.frames import opk_jacobian
 from acx4lib.geometry.parameters import AXES, BORESIGHT, LEVER_ARM, MOUNT, REPORTED, Prior
@@ -238,12 +237,9 @@ class Held:
 
         Where the data cannot tell, p is NaN.
         """
-        rows = zip(
-            *(self.names, self.units, self.value, self.estimate, self.sigma),
-            *(self.reduction, self.p),
-            strict=True,
-        )
+        values = (self.value, self.estimate, self.sigma, self.reduction, self.p)
         columns = ("held", "freed", "sigma", "v'Pv", "p")
+        rows = zip(self.names, self.units, *values, strict=True)
         return shown.row_table(
             ("parameter", "unit"),
             {(name, unit): dict(zip(columns, of, strict=True)) for name, unit, *of in rows},
@@ -311,7 +307,11 @@ def _tested(
     network, cameras = bundle.network, calibration.cameras
     columns, wanted = _extended(network, mounted=mounted)
     n = sum(int(part.sum()) for part in wanted)
-    listed = [*_of_cameras(wanted[0], INTERIOR), *_of_cameras(wanted[1], MOUNT)]
+    listed = [
+        (int(k), keys[i])
+        for part, keys in zip(wanted, (INTERIOR, MOUNT), strict=False)
+        for k, i in np.argwhere(part)
+    ]
     listed += [(-1, AXES[i]) for i in np.flatnonzero(wanted[2])]
     unknown = tuple(replace(camera, prior=Prior()) for camera in network.block.cameras)
     freed = replace(network, block=replace(network.block, cameras=unknown)).with_layout(columns)
@@ -328,40 +328,36 @@ def _tested(
     B = _of_reported(listed, cameras)
     step = np.zeros((freed.n_columns, q))
     step[:n], step[n:] = B[:n], -solved.T @ B
-    sigma = np.array([p.sigma for p in parameters(calibration)])
+    estimates = parameters(calibration)
+    sigma = np.array([p.sigma for p in estimates])
+    values = [reported_values(camera) for camera in cameras]
     tested = Held(
-        names=tuple(_name(cameras, *entry) for entry in listed),
+        names=tuple(
+            f"{cameras[k].name}/{REPORTED[key][0]}" if k >= 0 else f"gnss_shift_{key}_m"
+            for k, key in listed
+        ),
         units=tuple(REPORTED[key][1] if k >= 0 else "m" for k, key in listed),
-        value=np.array([_value(cameras, *entry) for entry in listed]),
-        limit=np.array([_limit(calibration, *entry) for entry in listed]),
+        value=np.array([values[k][REPORTED[key][0]] if k >= 0 else 0.0 for k, key in listed]),
+        limit=np.array([_limit(calibration, k, key) for k, key in listed]),
         gradient=B.T @ g,
         normal=B.T @ ((S + S.T) / 2) @ B,
         cost=bundle.solution.cost,
         redundancy=bundle.solution.redundancy,
-        estimates=tuple(p.full_name for p in parameters(calibration)),
+        estimates=tuple(p.full_name for p in estimates),
         by_held=to_reported(calibration) @ J @ step[n:] / sigma[:, None],
         network=freed,
         step=step,
         correction=np.zeros(q),
     )
-    return _corrected(tested, bundle, solved, B)
-
-
-def _corrected(tested: Held, bundle: Bundle, solved: Array, B: Array) -> Held:
-    """Return the tests with the estimates that are far off corrected for what is not linear.
-
-    By the gradient where the linear step leads to: it needs no other inverse.
-    """
-    correction = tested.correction.copy()
-    n = tested.network.n_columns - solved.shape[1]
+    # estimates that are far off, by the gradient where the linear step leads to
     far = tested.told & (np.abs(tested.difference) > FAR * tested.sigma)
     for i in np.flatnonzero(far[:n]):
-        dx = tested.step[:, i] * tested.difference[i]
-        state = tested.network.moved(bundle.state, dx, np.zeros_like(bundle.state.x_m))
-        _, g = normals(tested.network, state).first_rows(n)
-        left = B[:n, i] @ (g[:n] - solved[:n] @ g[n:])
-        correction[i] = -left / tested.normal[i, i]
-    return replace(tested, correction=correction)
+        dx = step[:, i] * tested.difference[i]
+        state = freed.moved(bundle.state, dx, np.zeros_like(bundle.state.x_m))
+        _, there = normals(freed, state).first_rows(n)
+        left = B[:n, i] @ (there[:n] - solved[:n] @ there[n:])
+        tested.correction[i] = -left / tested.normal[i, i]
+    return tested
 
 
 def _extended(network: Network, *, mounted: bool) -> tuple[Layout, list[Mask]]:
@@ -369,36 +365,16 @@ def _extended(network: Network, *, mounted: bool) -> tuple[Layout, list[Mask]]:
 
     Of interior orientations and mountings by camera, and of the shift of observed positions.
     """
-    columns = network.layout
     is_observed = np.isfinite(network.observed.sigma_position).any(axis=0)
-    parts = (columns.interior, columns.mount, columns.shift)
-    wanted = [
-        (part < 0) & may for part, may in zip(parts, (True, mounted, is_observed), strict=True)
-    ]
-    n, first, renumbered = sum(int(part.sum()) for part in wanted), 0, []
-    for part, chosen in zip(parts, wanted, strict=True):
-        number = first + np.cumsum(chosen).reshape(chosen.shape) - 1
-        renumbered.append(np.where(chosen, number, _after(part, n)))
-        first += int(chosen.sum())
-    interior, mount, shift = renumbered
-    extended = Layout(
-        interior=interior,
-        mount=mount,
-        shift=shift,
-        drift=_after(columns.drift, n),
-        delay=_after(columns.delay, n),
-        deviation=_after(columns.deviation, n),
-        pose=_after(columns.pose, n),
-    )
-    return extended, wanted
-
-
-def _after(part: Index, n: int) -> Index:
-    return np.where(part >= 0, part + n, -1)
-
-
-def _of_cameras(wanted: Mask, keys: Sequence[str]) -> list[tuple[int, str]]:
-    return [(int(k), keys[i]) for k, i in np.argwhere(wanted)]
+    before = {field.name: getattr(network.layout, field.name) for field in fields(Layout)}
+    may = {"interior": np.True_, "mount": np.bool_(mounted), "shift": is_observed}
+    wanted = {name: (before[name] < 0) & allowed for name, allowed in may.items()}
+    n, first = sum(int(part.sum()) for part in wanted.values()), 0
+    after = {name: np.where(part >= 0, part + n, -1) for name, part in before.items()}
+    for name, part in wanted.items():
+        after[name][part] = first + np.arange(part.sum())
+        first += int(part.sum())
+    return Layout(**after), [*wanted.values()]
 
 
 def _with_levers(bundle: Bundle, freed: Network, N: Array, g: Array) -> tuple[Array, Array]:
@@ -407,7 +383,7 @@ def _with_levers(bundle: Bundle, freed: Network, N: Array, g: Array) -> tuple[Ar
     A camera's observed position is the body's plus R_m_b times the lever arm.
     """
     block, n = freed.block, len(g)
-    e = position_equations(freed.observed, bundle.state, freed.layout)
+    e = next(e for e in freed.besides_rays(bundle.state) if e.kind == "gnss")
     images = np.arange(len(block.images))
     by_lever = np.zeros((len(images), 3, len(block.cameras), 3))
     by_lever[images, :, block.images.camera_idx] = -freed.observed.R_g_m @ block.T_m_b_images.R
@@ -431,14 +407,6 @@ def _of_reported(listed: Sequence[tuple[int, str]], cameras: Sequence[Camera]) -
         if at:
             B[np.ix_(at, at)] = np.linalg.inv(np.degrees(opk_jacobian(camera.T_b_c.opk)))
     return B
-
-
-def _name(cameras: Sequence[Camera], k: int, key: str) -> str:
-    return f"{cameras[k].name}/{REPORTED[key][0]}" if k >= 0 else f"gnss_shift_{key}_m"
-
-
-def _value(cameras: Sequence[Camera], k: int, key: str) -> float:
-    return reported_values(cameras[k])[REPORTED[key][0]] if k >= 0 else 0.0
 
 
 def _limit(calibration: Calibration, k: int, key: str) -> float:

@@ -20,10 +20,9 @@ from acx4lib.bundle.adjust import Bundle, adjust, free_orientation, mounted_orie
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.observations import PoseObservations, shared_errors, slow_errors
 from acx4lib.bundle.rejections import Rejection, without
-from acx4lib.bundle.unknowns import Layout, State, free_mount, layout
+from acx4lib.bundle.unknowns import Layout, State, layout
 from acx4lib.bundle.variance_components import (
     PARTS,
-    Component,
     components,
     group_names,
     image_groups,
@@ -39,10 +38,11 @@ from acx4lib.calibration.estimates import (
 )
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
-from acx4lib.geometry.camera import INTERIOR, Camera, mountings
+from acx4lib.geometry.camera import mountings
 from acx4lib.geometry.frames import Pose, mean_rotation, skew, transform
 from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM
 from acx4lib.least_squares.covariance import propagate
+from acx4lib.model import Model
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -127,48 +127,23 @@ class Mountings:
         return self.methods[method]
 
 
-def calibrate(
-    block: Block,
-    *,
-    free: Sequence[str],
-    fix: Sequence[str] = (),
-    refraction: str = "none",
-    gnss: Sequence[str] = (),
-) -> Mountings:
+def calibrate(block: Block, model: Model) -> Mountings:
     """Calibrate by all methods; the two-step methods begin with the single step's estimates.
 
     Parameters
     ----------
-    block, free, fix, refraction, gnss
-        As in `single_step`, which alone uses `gnss`.
+    block : Block
+    model : Model
+        Its `gnss` is used by the single step alone.
 
     Raises
     ------
     AdjustmentError
         Where all methods fail.
-    ValueError
-        For an unknown name.
     """
-    return together(outcomes(block, free=free, fix=fix, refraction=refraction, gnss=gnss))
-
-
-def outcomes(
-    block: Block,
-    *,
-    free: Sequence[str],
-    fix: Sequence[str] = (),
-    refraction: str = "none",
-    gnss: Sequence[str] = (),
-) -> list[Mounting | Failed]:
-    """Return the outcome of every method; arguments as in `calibrate`."""
-    single = attempt(single_step, block, free=free, fix=fix, refraction=refraction, gnss=gnss)
-    return [
-        single,
-        *(
-            attempt(method, block, free=free, fix=fix, refraction=refraction, after=single)
-            for method in (two_step, two_step_gnss)
-        ),
-    ]
+    single = attempt(single_step, block, model)
+    two_steps = (two_step, two_step_gnss)
+    return together([single, *(attempt(step, block, model, after=single) for step in two_steps)])
 
 
 def together(outcomes: Sequence[Mounting | Failed]) -> Mountings:
@@ -186,50 +161,28 @@ def together(outcomes: Sequence[Mounting | Failed]) -> Mountings:
     LinAlgError
         Where a method failed numerically.
     """
-    for outcome in outcomes:
-        expected.one_of("method", outcome.method, METHODS)
-    expected.different("outcomes", [outcome.method for outcome in outcomes], "methods")
+    by_method = {outcome.method: outcome for outcome in outcomes}
     failed = [outcome for outcome in outcomes if isinstance(outcome, Failed)]
     for failure in failed:
         if isinstance(failure.error, np.linalg.LinAlgError):
             raise failure.error
-    succeeded = {outcome.method: outcome for outcome in outcomes if isinstance(outcome, Mounting)}
-    if not succeeded:
-        raise AdjustmentError(
-            "\n".join(
-                f"mounting/{failed_method.method}: {failed_method.reason}"
-                for failed_method in failed
-            )
-        )
+    if len(failed) == len(outcomes):
+        lines = (f"mounting/{failure.method}: {failure.reason}" for failure in failed)
+        raise AdjustmentError("\n".join(lines))
+    methods = {name: by_method[name] for name in METHODS if name in by_method}
     return Mountings(
-        methods={name: succeeded[name] for name in METHODS if name in succeeded},
-        failures={failed_method.method: failed_method.reason for failed_method in failed},
+        methods={name: m for name, m in methods.items() if isinstance(m, Mounting)},
+        failures={failure.method: failure.reason for failure in failed},
     )
 
 
-def single_step(
-    block: Block,
-    *,
-    free: Sequence[str],
-    fix: Sequence[str] = (),
-    refraction: str = "none",
-    gnss: Sequence[str] = (),
-    snooping: bool = True,
-) -> Mounting:
+def single_step(block: Block, model: Model, *, snooping: bool = True) -> Mounting:
     """Estimate interior orientation, boresight and lever arm in one adjustment, eq. (14).
 
     Parameters
     ----------
     block : Block
-    free : sequence of str
-        Interior parameters, names of `camera.INTERIOR`.
-    fix : sequence of str
-        ``"lever_arm"``, ``"boresight"``: those named keep the values of the cameras.
-    refraction : str
-        ``"none"`` or ``"standard"``.
-    gnss : sequence of str
-        ``"shift"``, ``"drift"``: those named are unknowns of the GNSS positions, as in
-        `adjust.mounted_orientation`.
+    model : Model
     snooping : bool
         Whether gross errors are looked for, and rejected.
 
@@ -239,38 +192,24 @@ def single_step(
         Where it does not converge, or where neither three control points nor observed positions
         fix where the block lies.
     """
-    expected.names_of("free", free, INTERIOR)
     if lack := no_datum(block):
         raise AdjustmentError(lack)
-    network = partial(
-        mounted_orientation,
-        free=free,
-        free_mount=free_mount(fix),
-        refraction=refraction,
-        gnss=gnss,
-    )
-    with saying_what_lacks(block, (*free, *free_mount(fix))):
+    network = partial(mounted_orientation, model=model)
+    with saying_what_lacks(block, (*model.free, *model.mount)):
         bundle = adjust_rejecting(block, network) if snooping else adjust(network(block))
         bundle, turns = turned(block, bundle, network)
     calibration = enlarged(replace(from_bundle(bundle), turns=turns), bundle)
     return Mounting(method="single_step", calibration=calibration, bundle=bundle)
 
 
-def two_step(
-    block: Block,
-    *,
-    free: Sequence[str],
-    fix: Sequence[str] = (),
-    refraction: str = "none",
-    after: Mounting | Failed | None = None,
-) -> Mounting:
+def two_step(block: Block, model: Model, *, after: Mounting | Failed | None = None) -> Mounting:
     """Estimate the mounting from a bundle on control points alone, eqs (12) and (13).
 
     Parameters
     ----------
     block : Block
-    free, fix, refraction
-        As in `single_step`.
+    model : Model
+        Its `gnss` has no effect.
     after : Mounting, optional
         Outcome of another method on the same block. Its rejected gross errors are taken over,
         since this method searches for none, and its estimates are start values. A failed
@@ -283,22 +222,16 @@ def two_step(
     ValueError
         Where `after` is of another block.
     """
-    estimated = free_mount(fix)
     rejected, start = _taken_over(block, after)
     cleaned = without(block, rejected)
-    network = free_orientation(cleaned, free=free, refraction=refraction, start=start)
+    network = free_orientation(cleaned, model, start=start)
     require_control(cleaned)
     bundle = replace(adjust(network), rejected=rejected)
-    return _two_step("two_step", bundle, free=free, estimated=estimated)
+    return _two_step("two_step", bundle, model)
 
 
 def two_step_gnss(
-    block: Block,
-    *,
-    free: Sequence[str],
-    fix: Sequence[str] = (),
-    refraction: str = "none",
-    after: Mounting | Failed | None = None,
+    block: Block, model: Model, *, after: Mounting | Failed | None = None
 ) -> Mounting:
     """Estimate the boresight from a bundle whose positions GNSS observes, the lever arm held.
 
@@ -307,7 +240,7 @@ def two_step_gnss(
 
     Parameters
     ----------
-    block, free, fix, refraction, after
+    block, model, after
         As in `two_step`.
 
     Raises
@@ -315,7 +248,6 @@ def two_step_gnss(
     AdjustmentError
         Where the bundle does not converge.
     """
-    estimated = tuple(name for name in free_mount(fix) if name not in LEVER_ARM)
     rejected, start = _taken_over(block, after)
     cleaned = without(block, rejected)
     if not np.isfinite(cleaned.trajectory.sigma_position).any():
@@ -329,11 +261,10 @@ def two_step_gnss(
         sigma_attitude=np.full((len(T_m_b), 3), np.inf),
         slow_positions=slow_errors(cleaned.trajectory, "position", exposure),
     )
-    network = free_orientation(
-        cleaned, free=free, positions=positions, refraction=refraction, start=start
-    )
+    network = free_orientation(cleaned, model, positions=positions, start=start)
     bundle = replace(adjust(network), rejected=rejected)
-    mounting = _two_step("two_step_gnss", bundle, free=free, estimated=estimated)
+    lever_held = replace(model, fix=(*model.fix, "lever_arm"))
+    mounting = _two_step("two_step_gnss", bundle, lever_held)
     return replace(mounting, calibration=enlarged(mounting.calibration, bundle))
 
 
@@ -357,33 +288,16 @@ def _taken_over(
     return bundle.rejected, replace(bundle.state, T_m_b=bundle.T_m_c)
 
 
-def _two_step(
-    method: str, bundle: Bundle, *, free: Sequence[str], estimated: Sequence[str]
-) -> Mounting:
-    """Return the second step of a method whose bundle is the first."""
-    calibration, per_image, entering, by_bundle = _averaged(bundle, free=free, estimated=estimated)
-    return Mounting(
-        method=method,
-        calibration=calibration,
-        bundle=bundle,
-        per_image=per_image,
-        averaged=entering,
-        by_bundle=by_bundle,
-    )
-
-
 # --- The second of two steps: mountings of single images, averaged, eqs (12) and (13)
 
 
-def _averaged(
-    bundle: Bundle, *, free: Sequence[str], estimated: Sequence[str]
-) -> tuple[Calibration, Pose, Mask, Array]:
+def _two_step(method: str, bundle: Bundle, model: Model) -> Mounting:
     """Average the mountings of all images, camera by camera, and propagate their covariance.
 
     Images have the weights that they have by themselves; the covariance of the mean holds for
     errors of the trajectory that change slowly, too.
     """
-    block = bundle.network.block
+    block, pose = bundle.network.block, bundle.network.layout.pose
     T_b_c = mountings_per_image(bundle)
     trajectory, exposure = block.trajectory, block.images.exposure_idx
     sigma = np.hstack([trajectory.sigma_position, trajectory.sigma_attitude])
@@ -391,19 +305,22 @@ def _averaged(
     entering = bundle.oriented & known[exposure]
     by_camera_pose, by_trajectory = mounting_jacobians(bundle, T_b_c)
     cov_trajectory = trajectory.cov
-    per_image = propagate(by_camera_pose, _pose_covariances(bundle))
+    per_image = propagate(
+        by_camera_pose, bundle.solution.inverse.at(pose[:, :, None], pose[:, None, :])
+    )
     per_image += propagate(by_trajectory, cov_trajectory[exposure])
-    n_cameras, n_images = len(block.cameras), len(block.images)
-    weights = np.zeros((n_cameras, 6, n_images, 6))
-    cameras = list(bundle.cameras)
-    for k, camera in enumerate(block.cameras):
+    weights = np.zeros((len(block.cameras), 6, len(block.images), 6))
+    cameras = []
+    for k, (camera, declared) in enumerate(zip(bundle.cameras, block.cameras, strict=True)):
         idx = np.flatnonzero(entering & (block.images.camera_idx == k))
         if len(idx) == 0:
             msg = f"no image of {camera.name} is oriented and has a trajectory row to compare with"
             raise AdjustmentError(msg)
         mean, weights[k][:, idx] = _weighted_mean(T_b_c[idx], per_image[idx])
-        cameras[k] = _with_mounting(bundle.cameras[k], camera, mean, estimated)
-    columns = layout(n_cameras, 0, free=free, free_mount=estimated)
+        R = mean.R if BORESIGHT[0] in model.mount else declared.T_b_c.R
+        r = mean.r if LEVER_ARM[0] in model.mount else declared.T_b_c.r
+        cameras.append(replace(camera, T_b_c=Pose(R=R, r=r)))
+    columns = layout(len(cameras), 0, free=model.free, free_mount=model.mount)
     J = _by_bundle(bundle, weights, by_camera_pose, columns)
     K = _by_exposures(block, weights, by_trajectory, columns)
     cov = bundle.solution.inverse.times(J) @ J.T
@@ -418,7 +335,14 @@ def _averaged(
         open_columns=np.abs(J) @ bundle.solution.undetermined > 1e-9,
         limit_boresight_deg=boresight_limit(block),
     )
-    return calibration, T_b_c, entering, J
+    return Mounting(
+        method=method,
+        calibration=calibration,
+        bundle=bundle,
+        per_image=T_b_c,
+        averaged=entering,
+        by_bundle=J,
+    )
 
 
 def mountings_per_image(bundle: Bundle) -> Pose:
@@ -446,12 +370,6 @@ def mounting_jacobians(bundle: Bundle, T_b_c: Pose) -> tuple[Array, Array]:
     return by_camera_pose, by_trajectory
 
 
-def _pose_covariances(bundle: Bundle) -> Array:
-    """Return the covariances of the poses, shape (n_poses, 6, 6)."""
-    columns = bundle.network.layout.pose
-    return bundle.solution.inverse.at(columns[:, :, None], columns[:, None, :])
-
-
 def _weighted_mean(T_b_c: Pose, cov: Array) -> tuple[Pose, Array]:
     """Return the mean mounting and the weight matrices of its images, shape (6, n, 6)."""
     weights = np.zeros((6, len(T_b_c), 6))
@@ -460,19 +378,6 @@ def _weighted_mean(T_b_c: Pose, cov: Array) -> tuple[Pose, Array]:
         weights[part, :, part] = np.moveaxis(np.linalg.inv(P.sum(axis=0)) @ P, 0, 1)
     r = np.einsum("inj,nj->i", weights[:3, :, :3], T_b_c.r)
     return Pose(R=mean_rotation(T_b_c.R, weights[3:, :, 3:]), r=r), weights
-
-
-def _with_mounting(
-    estimated_camera: Camera, declared: Camera, mean: Pose, estimated: Sequence[str]
-) -> Camera:
-    """Return the camera with the mean mounting, held parts as declared."""
-    return replace(
-        estimated_camera,
-        T_b_c=Pose(
-            R=mean.R if BORESIGHT[0] in estimated else declared.T_b_c.R,
-            r=mean.r if LEVER_ARM[0] in estimated else declared.T_b_c.r,
-        ),
-    )
 
 
 def _by_bundle(bundle: Bundle, weights: Array, by_pose: Array, columns: Layout) -> Array:
@@ -501,29 +406,18 @@ def _by_exposures(block: Block, weights: Array, by_trajectory: Array, columns: L
 # --- weights of the observations --------------------------------------------------------------
 
 
-_CONVERGED = 1e-3
 MAX_ITERATIONS = 30
-_LARGEST_STEP = 3.0  # of a factor in one iteration
 
 
-def weighted(
-    block: Block,
-    *,
-    weights: str,
-    free: Sequence[str],
-    fix: Sequence[str] = (),
-    refraction: str = "none",
-    gnss: Sequence[str] = (),
-) -> tuple[Block, dict[str, float]]:
+def weighted(block: Block, model: Model, *, weights: str) -> tuple[Block, dict[str, float]]:
     """Return a block with the standard deviations its flight asks for, and their factors.
 
     Parameters
     ----------
     block : Block
+    model : Model
     weights : str
         ``"given"``, or ``"estimated"`` from the residuals of the single step.
-    free, fix, refraction, gnss
-        As in `single_step`.
 
     Raises
     ------
@@ -535,10 +429,7 @@ def weighted(
     expected.one_of("weights", weights, ("given", "estimated"))
     if weights == "given":
         return block, {}
-    factors = estimated_factors(
-        block,
-        lambda b: single_step(b, free=free, fix=fix, refraction=refraction, gnss=gnss).bundle,
-    )
+    factors = estimated_factors(block, lambda scaled_block: single_step(scaled_block, model).bundle)
     return scaled(block, factors), factors
 
 
@@ -564,9 +455,14 @@ def estimated_factors(block: Block, adjust_block: Callable[[Block], Bundle]) -> 
     for _ in range(MAX_ITERATIONS):
         estimates = components(adjust_block(scaled(block, factors)), applied=factors)
         held |= {c.group for c in estimates if not c.estimable}
-        steps = {c.group: 1 / c.applied if c.group in held else _step(c) for c in estimates}
+        steps = {
+            c.group: 1 / c.applied
+            if c.group in held
+            else float(np.clip(c.factor / c.applied, 1 / 3, 3))
+            for c in estimates
+        }
         factors = {c.group: c.applied * steps[c.group] for c in estimates}
-        if all(abs(step - 1) < _CONVERGED for step in steps.values()):
+        if all(abs(step - 1) < 1e-3 for step in steps.values()):
             return factors
     worst = max(steps, key=lambda name: abs(np.log(steps[name])))
     msg = (
@@ -574,11 +470,6 @@ def estimated_factors(block: Block, adjust_block: Callable[[Block], Bundle]) -> 
         f'of {worst} still change by {100 * abs(steps[worst] - 1):.1f} %; use weights = "given"'
     )
     raise AdjustmentError(msg)
-
-
-def _step(c: Component) -> float:
-    """Return the next factor of a group's sigma."""
-    return float(np.clip(c.factor / c.applied, 1 / _LARGEST_STEP, _LARGEST_STEP))
 
 
 def scaled(block: Block, factors: Mapping[str, float]) -> Block:
@@ -599,27 +490,20 @@ def scaled(block: Block, factors: Mapping[str, float]) -> Block:
     for name, factor in factors.items():
         expected.positive(name, factor)
     by_camera = np.array([factors.get(name, 1.0) for name in image_groups(block)])
+    by_component = {kind: np.ones(3) for kind in ("control_point", "gnss", "attitude")}
+    for name, kind, columns in PARTS:
+        by_component[kind][list(columns)] = factors.get(name, 1.0)
     points, trajectory = block.image_points, block.trajectory
     camera_idx = block.images.camera_idx[points.image_idx]
-    control, gnss, attitude = (
-        _by_component(kind, factors) for kind in ("control_point", "gnss", "attitude")
-    )
     return replace(
         block,
         image_points=replace(points, sigma_px=points.sigma_px * by_camera[camera_idx]),
-        control=replace(block.control, sigma_m=block.control.sigma_m * control),
+        control=replace(
+            block.control, sigma_m=block.control.sigma_m * by_component["control_point"]
+        ),
         trajectory=replace(
             trajectory,
-            sigma_position=trajectory.sigma_position * gnss,
-            sigma_attitude=trajectory.sigma_attitude * attitude,
+            sigma_position=trajectory.sigma_position * by_component["gnss"],
+            sigma_attitude=trajectory.sigma_attitude * by_component["attitude"],
         ),
     )
-
-
-def _by_component(kind: str, factors: Mapping[str, float]) -> Array:
-    """Return the factors of an observation's components, at most three."""
-    row = np.ones(3)
-    for name, of_kind, columns in PARTS:
-        if of_kind == kind:
-            row[list(columns)] = factors.get(name, 1.0)
-    return row

@@ -7,13 +7,11 @@ from the mountings, and is the same at every exposure.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
-from acx4lib import expected
 from acx4lib.attempts import Failed, attempt
 from acx4lib.block import Block, SurveyedPoints
 from acx4lib.bundle.adjust import Bundle
@@ -23,8 +21,9 @@ from acx4lib.calibration.estimates import (
     LIMIT_BORESIGHT_DEG,
     LIMIT_LEVER_M,
     Calibration,
+    Parameter,
     features,
-    not_determined,
+    undetermined,
 )
 from acx4lib.calibration.heads import RelativeOrientation, ground_scale
 from acx4lib.calibration.mounting import Mounting, single_step
@@ -35,36 +34,26 @@ from acx4lib.geometry.collinearity import Measurement, directions
 from acx4lib.geometry.frames import Pose, opk_jacobian
 from acx4lib.geometry.parameters import MOUNT
 from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.model import Model
 
-Step = Callable[..., Mounting]
-"""Takes a block, `free` and `fix`, as `mounting.single_step` does."""
+Step = Callable[[Block, Model], Mounting]
+"""Adjusts a block, as `mounting.single_step` does."""
 
 
-def calibrate(
-    block: Block,
-    *,
-    free: Sequence[str],
-    fix: Sequence[str] = (),
-    refraction: str = "none",
-    gnss: Sequence[str] = (),
-) -> Mounting:
+def calibrate(block: Block, model: Model, *, step: Step = single_step) -> Mounting:
     """Estimate interior orientation, boresight and lever arm of all heads in one adjustment.
 
     Parameters
     ----------
     block : Block
         A block with at least two heads.
-    free : sequence of str
-        Interior parameters of every head, names of `camera.INTERIOR`. The focal lengths are
-        estimated too, since GNSS observes the heights. If not named, they are held at the cameras'
-        values where some parameter is not determined otherwise, and this determines all.
-    fix : sequence of str
-        ``"lever_arm"``, ``"boresight"``: parts of the mounting that are held at the cameras'
-        values if otherwise some parameter is not determined, or no adjustment converges.
-    refraction : str
-        ``"none"`` or ``"standard"``.
-    gnss : sequence of str
-        Errors of the trajectory to estimate, as in `adjust.mounted_orientation`.
+    model : Model
+        The focal lengths are estimated too, since GNSS observes the heights. If `free` does not
+        name them, they are held at the cameras' values where some parameter is not determined
+        otherwise, and this determines all. `fix` names the parts of the mounting that are held if
+        otherwise some parameter is not determined, or no adjustment converges.
+    step : Step
+        By default the adjustment of measurements; another for a planned flight.
 
     Returns
     -------
@@ -75,29 +64,14 @@ def calibrate(
     ------
     AdjustmentError
         Where it does not converge.
-    ValueError
-        For an unknown name.
     """
-    step = partial(single_step, refraction=refraction, gnss=gnss)
-    return calibrate_by(step, block, free=free, fix=fix)
-
-
-def calibrate_by(
-    step: Step, block: Block, *, free: Sequence[str], fix: Sequence[str] = ()
-) -> Mounting:
-    """Calibrate a rig by a given single step, such as that of a planned flight.
-
-    Parameters
-    ----------
-    step : Step
-    block, free, fix
-        As in `calibrate`.
-    """
-    expected.names_of("free", free, INTERIOR)
+    free = tuple(dict.fromkeys(("f", *model.free)))
+    names = [free] if "f" in model.free else [free, tuple(model.free)]
+    parts = ((), model.fix) if model.fix else ((),)
     outcomes: list[Mounting | Failed] = []
-    for names, parts in _holding(free, fix):
-        rig = attempt(_adjusted, step, block, names, parts)
-        if isinstance(rig, Mounting) and not not_determined(rig.calibration):
+    for trial in (replace(model, free=one, fix=fix) for one in names for fix in parts):
+        rig = attempt(_adjusted, step, block, trial)
+        if isinstance(rig, Mounting) and not undetermined(rig.calibration):
             return rig
         outcomes.append(rig)
     outcome = next((candidate for candidate in outcomes if candidate), outcomes[0])
@@ -106,18 +80,12 @@ def calibrate_by(
     return outcome
 
 
-def _holding(free: Sequence[str], fix: Sequence[str]) -> list[tuple[Sequence[str], Sequence[str]]]:
-    """Return (free, fix) in the order in which they are tried until all is determined."""
-    names = [("f", *free)] if "f" in free else [("f", *free), tuple(free)]
-    return [(free_names, parts) for free_names in names for parts in (((), fix) if fix else ((),))]
-
-
-def _adjusted(step: Step, block: Block, free: Sequence[str], fix: Sequence[str]) -> Mounting:
+def _adjusted(step: Step, block: Block, model: Model) -> Mounting:
     """Adjust in a single step; repeat it if points need the heights of their neighbours."""
-    rig = step(block, free=free, fix=fix)
+    rig = step(block, model)
     lonely = one_exposure_points(block)
     if len(lonely) and "control" in features(block):
-        rig = step(observe_heights(block, rig.bundle, lonely), free=free, fix=fix)
+        rig = step(observe_heights(block, rig.bundle, lonely), model)
     return replace(rig, method="rig")
 
 
@@ -252,10 +220,11 @@ def relative_orientation(
     if synthetic is None:
         raise AdjustmentError("flight.toml has no table [synthetic]")
     calibration = rig.calibration
-    if not weak and (sentences := _open(calibration)):
-        others = f"; so are {len(sentences) - 1} others" if len(sentences) > 1 else ""
-        raise AdjustmentError(f"{sentences[0]}{others}")
-    heads, n = calibration.cameras, len(calibration.cameras)
+    if not weak and (open_ones := _open(calibration)):
+        first, others = open_ones[0], len(open_ones) - 1
+        so_are = f"; so are {others} others" if others else ""
+        raise AdjustmentError(f"{first.camera} {first.name} is not determined{so_are}")
+    heads = calibration.cameras
     scale = image_scale(rig)
     R_s_b = synthetic.T_b_c.R.T
     T_b_h = mountings(heads)
@@ -269,10 +238,8 @@ def relative_orientation(
         _less_first(J, T_b_h.R)
     columns = np.hstack([calibration.layout.interior, calibration.layout.mount]).ravel()
     estimated = columns >= 0
-    cov = np.zeros((16 * n, 16 * n))
-    cov[np.ix_(estimated, estimated)] = calibration.cov[
-        np.ix_(columns[estimated], columns[estimated])
-    ]
+    J = J[:, estimated]
+    cov = calibration.cov[np.ix_(columns[estimated], columns[estimated])]
     return RelativeOrientation(
         heads=heads,
         xyz_mm=xyz,
@@ -283,21 +250,21 @@ def relative_orientation(
     )
 
 
-def _open(calibration: Calibration) -> list[str]:
-    """Return sentences on undetermined parameters; a common change of all mountings may be open."""
-    sentences, columns = not_determined(calibration), calibration.layout
+def _open(calibration: Calibration) -> list[Parameter]:
+    """Return undetermined parameters; a common change of all mountings may be open."""
+    open_ones, columns = undetermined(calibration), calibration.layout
     _, between, T = between_heads(calibration, columns)
-    if not sentences or not len(between) or calibration.open_columns.any():
-        return sentences
+    if not open_ones or not len(between) or calibration.open_columns.any():
+        return open_ones
     sigma = np.sqrt(calibration.sigma0_sq) * sigmas(propagate(T[between], calibration.cov))
     turns = np.isin(between, columns.mount[:, 3:])
     if np.any(sigma > np.where(turns, np.radians(LIMIT_BORESIGHT_DEG), LIMIT_LEVER_M)):
-        return sentences
+        return open_ones
     mounted = columns.mount[columns.mount >= 0]
     lens_columns = np.setdiff1d(np.arange(len(T)), mounted)
     of_lenses = calibration.cov[np.ix_(lens_columns, lens_columns)]
     layout, is_open = holding(columns, mounted), calibration.open_columns[lens_columns]
-    return not_determined(replace(calibration, layout=layout, cov=of_lenses, open_columns=is_open))
+    return undetermined(replace(calibration, layout=layout, cov=of_lenses, open_columns=is_open))
 
 
 def _less_first(J: Array, R_b_h: Array) -> None:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from acx4lib.block import ImagePoints
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network, camera_poses
-from acx4lib.bundle.observations import attitude_equations, has_times
+from acx4lib.bundle.observations import has_times
 from acx4lib.bundle.start import with_estimates
 from acx4lib.bundle.unknowns import State
 from acx4lib.calibration import trajectory_errors
@@ -36,9 +37,6 @@ OPEN = 1e-3
 
 COMMON = 1e-5
 """The same of a turn of all exposures; below, the boresight absorbs it completely."""
-
-LEAST_REDUNDANCY = 1.0
-"""Least redundancy of the attitudes, beside the turns, for an estimate of their scatter."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -157,13 +155,20 @@ def _tested(bundle: Bundle, names: tuple[str, ...], shares: Array, reported: Arr
     `shares`, shape (m, n), is the share of each turn in each exposure, with mean zero; `reported`,
     shape (n, n), is the share of each turn in each value of the returned `Turns`.
     """
-    if not _observes_attitudes(bundle.network):
+    network = bundle.network
+    every_exposure = len(network.pose_names) == len(network.block.trajectory)
+    if not (every_exposure and np.isfinite(network.observed.sigma_attitude).any()):
         return None
     common_and_each = np.column_stack([np.ones(len(shares)), shares])
     k = 3 * common_and_each.shape[1]
     C = np.einsum("mn,ab->manb", common_and_each, np.eye(3)).reshape(-1, 3, k)
     common, each = np.arange(3), np.arange(3, k)
-    r = _beside(_residuals(bundle, C), common, each)
+    r = _residuals(bundle, C)
+    # a boresight without sigma absorbs a turn of all exposures completely, a declared boresight
+    # nearly so: neither is a step, and the turns are made independent of it
+    K = np.eye(k)
+    K[np.ix_(common, each)] = -_solved(r, common, COMMON)[1] @ r.normal[np.ix_(common, each)]
+    r = replace(r, shown=r.shown @ K, normal=K.T @ r.normal @ K, right=K.T @ r.right)
     _, of_common, _ = _solved(r, common, COMMON)
     explained, of_each, dof = _solved(r, each, OPEN)
     inverse = np.zeros_like(r.normal)
@@ -171,7 +176,7 @@ def _tested(bundle: Bundle, names: tuple[str, ...], shares: Array, reported: Arr
     v = r.equations.v - r.shown @ (inverse @ r.right)
     weighed = r.equations.weighed(r.shown)
     redundancy = r.redundancy - float(np.sum(inverse * np.einsum("mdk,mdl->kl", r.shown, weighed)))
-    if dof < 1 or redundancy < LEAST_REDUNDANCY:
+    if dof < 1 or redundancy < 1:
         return None
     variance = float(np.sum(v * r.equations.weighed(v[:, :, None])[:, :, 0])) / redundancy
     if not variance > 0:
@@ -188,27 +193,10 @@ def _tested(bundle: Bundle, names: tuple[str, ...], shares: Array, reported: Arr
     )
 
 
-def _beside(r: _Residuals, common: Index, each: Index) -> _Residuals:
-    """Return the turns made independent of the turn that all exposures share.
-
-    A boresight without sigma absorbs a turn of all exposures completely, a declared boresight
-    nearly so: neither is a step.
-    """
-    _, inverse, _ = _solved(r, common, COMMON)
-    K = np.eye(len(r.right))
-    K[np.ix_(common, each)] = -inverse @ r.normal[np.ix_(common, each)]
-    return replace(r, shown=r.shown @ K, normal=K.T @ r.normal @ K, right=K.T @ r.right)
-
-
-def _observes_attitudes(network: Network) -> bool:
-    rows = len(network.pose_names) == len(network.block.trajectory)
-    return rows and bool(np.isfinite(network.observed.sigma_attitude).any())
-
-
 def _residuals(bundle: Bundle, C: Array) -> _Residuals:
     """Return the effects of turns C, shape (m, 3, k), on the residuals of the attitudes."""
     network, solution = bundle.network, bundle.solution
-    e = attitude_equations(network.observed, bundle.state, network.layout)
+    e = next(e for e in network.besides_rays(bundle.state) if e.kind == "attitude")
     weighed = e.weighed(C)
     columns, held = e.columns[e.unit], e.columns[e.unit] < 0
     A = np.where(held[:, None, :], 0.0, e.A)
@@ -247,23 +235,8 @@ def _solved(r: _Residuals, chosen: Index, least: float) -> tuple[float, Array, i
 LEFT = 0.05
 """Share of wind and hills that remains, so that parameters resting on them stay computable."""
 
-SAME_HEIGHT = 0.03
-"""Strips whose flying heights differ by less than this share count as planned at one height."""
-
-SAME_SPEED = 0.1
-"""The same of ground speeds, which differ by head wind and tail wind."""
-
-SAME_TURN = np.radians(20.0)
-"""The same of attitudes against the direction of flight, which differ by side wind."""
-
-STRAIGHT = 0.2
-"""Root mean square distance of exposures from the line of their strip, over its length, above which
-the strip is none."""
-
 TIE_POINTS = 300
 """Tie points that take part, of a block that has more, with the weight of all."""
-
-GOLDEN = 0.6180339887498949
 
 
 def calm_sigmas(bundle: Bundle) -> Array | None:
@@ -286,48 +259,22 @@ def calm_sigmas(bundle: Bundle) -> Array | None:
         return None
     thin = _thinned(bundle.network)
     J = trajectory_errors.jacobian(bundle)
-    calm = _calmed(replace(bundle, network=thin), strips)
+    columns, calm = np.arange(len(J)), _calmed(thin, bundle.state, strips)
     try:
-        ratio: Array = _sigmas(J, *calm) / _sigmas(J, thin, bundle.state)
+        of_calm, of_thin = (
+            sigmas(propagate(J, adjustment.covariance(network, state, columns)))
+            for network, state in (calm, (thin, bundle.state))
+        )
     except AdjustmentError:  # singular, and too large to find the singular unknowns
         return None
-    return ratio
+    return np.asarray(of_calm / of_thin)
 
 
-def _sigmas(J: Array, network: Network, state: State) -> Array:
-    """Return sigma a priori of all parameters."""
-    cov = adjustment.covariance(network, state, np.arange(len(J)))
-    return sigmas(propagate(J, cov))
-
-
-# --- strips ----------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Strip:
-    """One strip.
-
-    Attributes
-    ----------
-    rows : ndarray
-        Its poses.
-    along : ndarray, shape (2,)
-        Unit vector of its direction.
-    height : float
-        Mean, m.
-    R : ndarray, shape (3, 3)
-        Mean attitude, against the direction of flight.
-    """
+class _Strip(NamedTuple):
+    """The poses of one strip, and the unit vector of its direction, shape (2,)."""
 
     rows: Index
     along: Array
-    height: float
-    R: Array
-
-    @property
-    def course(self) -> Array:
-        """Rotation from axes along the strip to the mapping frame, shape (3, 3)."""
-        return turn(2, float(np.arctan2(self.along[1], self.along[0])))
 
 
 def _strips(bundle: Bundle) -> list[_Strip] | None:
@@ -336,122 +283,89 @@ def _strips(bundle: Bundle) -> list[_Strip] | None:
     names = of_exposure[bundle.network.exposure_idx]
     if np.any(names == ""):
         return None
-    straight_strips = []
+    strips = []
     for name in dict.fromkeys(names):
         rows = np.flatnonzero(names == name)
-        strip = _strip(bundle.state.T_m_b[rows], rows)
-        if strip is None:
-            return None
-        straight_strips.append(strip)
-    return straight_strips
+        T_m_b = bundle.state.T_m_b[rows]
+        along = T_m_b.R[0, :2, 0]
+        if len(rows) > 1:
+            offsets = T_m_b.r[:, :2] - T_m_b.r[:, :2].mean(axis=0)
+            _, size, axes = np.linalg.svd(offsets, full_matrices=False)
+            length = np.ptp(offsets @ axes[0])
+            if not size[1] < 0.2 * length * np.sqrt(len(rows)):  # RMS distance from a line
+                return None
+            along = axes[0] * np.sign((offsets[-1] - offsets[0]) @ axes[0])
+        strips.append(_Strip(rows, along / np.linalg.norm(along)))
+    return strips
 
 
-def _strip(T_m_b: Pose, rows: Index) -> _Strip | None:
-    offsets = T_m_b.r[:, :2] - T_m_b.r[:, :2].mean(axis=0)
-    along = T_m_b.R[0, :2, 0]
-    if len(rows) > 1:
-        _, size, axes = np.linalg.svd(offsets, full_matrices=False)
-        length = np.ptp(offsets @ axes[0])
-        if not size[1] < STRAIGHT * length * np.sqrt(len(rows)):
-            return None
-        along = axes[0] * np.sign((offsets[-1] - offsets[0]) @ axes[0])
-    along = along / np.linalg.norm(along)
-    course = turn(2, float(np.arctan2(along[1], along[0])))
-    return _Strip(
-        rows=rows,
-        along=along,
-        height=float(T_m_b.r[:, 2].mean()),
-        R=mean_rotation(course.T @ T_m_b.R),
-    )
-
-
-# --- calm air --------------------------------------------------------------------------------
-
-
-def _calmed(bundle: Bundle, strips: list[_Strip]) -> tuple[Network, State]:
+def _calmed(network: Network, state: State, strips: list[_Strip]) -> tuple[Network, State]:
     """Return the network in calm air over level ground, and its state."""
-    network, state = bundle.network, bundle.state
-    x_m = state.x_m.copy()
-    used = np.flatnonzero(np.isfinite(x_m).all(axis=1) & _used(network))
+    x_m, control = state.x_m.copy(), network.control
+    seen = np.union1d(network.image_points.point_idx, control.point_idx)
+    used = seen[np.isfinite(x_m[seen]).all(axis=1)]
     ground = float(x_m[used, 2].mean())
     x_m[used, 2] = ground + LEFT * (x_m[used, 2] - ground)
     calm = replace(state, T_m_b=_calm_poses(state.T_m_b, strips, ground), x_m=x_m)
     observed = replace(network.observed, T_m_b=calm.T_m_b)
-    if observed.velocity is not None:
+    if len(observed.velocity) > 1:
         observed = replace(observed, velocity=_calm_velocity(observed.velocity, strips))
-    control = network.control
     control = replace(control, x_m=x_m[control.point_idx])
     points = _measured(network, calm)
     return replace(network, observed=observed, control=control, image_points=points), calm
 
 
-def _used(network: Network) -> Mask:
-    used = np.zeros(network.n_points, dtype=bool)
-    used[network.image_points.point_idx] = True
-    used[network.control.point_idx] = True
-    return used
-
-
 def _calm_poses(T_m_b: Pose, strips: list[_Strip], ground: float) -> Pose:
-    heights = _alike(np.array([s.height - ground for s in strips]), SAME_HEIGHT) + ground
-    attitudes = _alike_turns([s.R for s in strips])
+    """Return poses nearly on straight lines, at the heights and attitudes that strips share."""
+    height = np.array([T_m_b.r[strip.rows, 2].mean() for strip in strips])
+    above = _alike(height - ground, 0.03)
+    courses = [turn(2, float(np.arctan2(along[1], along[0]))) for _, along in strips]
+    steady = np.array(
+        [mean_rotation(C.T @ T_m_b.R[s.rows]) for C, s in zip(courses, strips, strict=True)]
+    )
+    angle = np.array([[np.linalg.norm(log(a.T @ b)) for b in steady] for a in steady])
+    for group in _groups(range(len(strips)), angle < np.radians(20.0)):
+        steady[group] = mean_rotation(steady[group])
     R, r = T_m_b.R.copy(), T_m_b.r.copy()
-    for strip, height, attitude in zip(strips, heights, attitudes, strict=True):
-        rows, steady = strip.rows, strip.course @ attitude
-        middle = T_m_b.r[rows].mean(axis=0)
-        offsets = T_m_b.r[rows] - middle
-        line = np.append(strip.along, 0.0)
-        on_line = middle + (offsets @ line)[:, None] * line
-        on_line[:, 2] = height
+    for k, (rows, along) in enumerate(strips):
+        middle, line = T_m_b.r[rows].mean(axis=0), np.append(along, 0.0)
+        on_line = middle + ((T_m_b.r[rows] - middle) @ line)[:, None] * line
+        on_line[:, 2] = above[k] + ground
         r[rows] = on_line + LEFT * (T_m_b.r[rows] - on_line)
-        R[rows] = steady @ exp(LEFT * log(steady.T @ T_m_b.R[rows]))
+        attitude = courses[k] @ steady[k]
+        R[rows] = attitude @ exp(LEFT * log(attitude.T @ T_m_b.R[rows]))
     return Pose(R=R, r=r)
 
 
 def _calm_velocity(velocity: Array, strips: list[_Strip]) -> Array:
     """Return velocities with equal speeds for strips of similar speed, and reduced wind."""
     velocity = velocity.copy()
-    flown = np.array([velocity[s.rows].mean(axis=0) for s in strips])
+    flown = np.array([velocity[strip.rows].mean(axis=0) for strip in strips])
     speed = np.linalg.norm(flown[:, :2], axis=1)
-    for strip, mean_velocity, usual, actual in zip(
-        strips, flown, _alike(speed, SAME_SPEED), speed, strict=True
-    ):
-        steady = mean_velocity * [1.0, 1.0, 0.0] * (usual / actual if actual > 0 else 1.0)
-        velocity[strip.rows] = steady + LEFT * (velocity[strip.rows] - steady)
+    usual = _alike(speed, 0.1)  # head wind and tail wind
+    for k, (rows, _) in enumerate(strips):
+        steady = flown[k] * [1.0, 1.0, 0.0] * (usual[k] / speed[k] if speed[k] > 0 else 1.0)
+        velocity[rows] = steady + LEFT * (velocity[rows] - steady)
     return velocity
 
 
 def _alike(values: Array, share: float) -> Array:
-    """Replace values that differ by less than a share by their mean."""
+    """Replace values within a share of the largest of their group by their mean."""
     out = values.astype(float)
-    for rows in _groups(values, share):
-        out[rows] = values[rows].mean()
+    order = np.argsort(-values, kind="stable").tolist()
+    for group in _groups(order, values > (1 - share) * values[:, None]):
+        out[group] = values[group].mean()
     return out
 
 
-def _groups(values: Array, share: float) -> Iterator[Index]:
-    """Yield the places of values within a share of the largest of their group."""
-    remaining = np.argsort(-values, kind="stable")
-    while len(remaining):
-        near = values[remaining] > (1 - share) * values[remaining[0]]
-        near[0] = True
-        yield remaining[near]
-        remaining = remaining[~near]
-
-
-def _alike_turns(R: list[Array]) -> list[Array]:
-    """Replace rotations that differ by less than `SAME_TURN` by their mean."""
-    out, remaining = list(R), list(range(len(R)))
+def _groups(order: Iterable[int], near: Mask) -> Iterator[list[int]]:
+    """Yield groups of what is near the first of each group, shape (n, n)."""
+    remaining = list(order)
     while remaining:
-        near = [k for k in remaining if np.linalg.norm(log(R[remaining[0]].T @ R[k])) < SAME_TURN]
-        mean = mean_rotation(np.array([R[k] for k in near]))
-        for k in near:
-            out[k] = mean
-        remaining = [k for k in remaining if k not in near]
-    return out
-
-
-# --- measurements ----------------------------------------------------------------------------
+        first = remaining[0]
+        group = [k for k in remaining if k == first or near[first, k]]
+        yield group
+        remaining = [k for k in remaining if k not in group]
 
 
 def _measured(network: Network, state: State) -> ImagePoints:
@@ -479,12 +393,12 @@ def _thinned(network: Network) -> Network:
     tie = np.flatnonzero(network.free_points & ~kept)
     if len(tie) <= TIE_POINTS:
         return network
-    order = np.argsort(np.arange(len(tie)) * GOLDEN % 1.0, kind="stable")
-    chosen = tie[order[:TIE_POINTS]]
+    spread = np.argsort(np.arange(len(tie)) * 0.6180339887498949 % 1.0, kind="stable")  # golden
+    chosen = tie[spread[:TIE_POINTS]]
     kept[chosen] = True
     rows = np.flatnonzero(kept[points.point_idx])
-    thinned = points[rows]
     lighter = np.ones(network.n_points)
     lighter[chosen] = np.sqrt(TIE_POINTS / len(tie))
+    thinned = points[rows]
     thinned = replace(thinned, sigma_px=thinned.sigma_px * lighter[thinned.point_idx])
     return replace(network, image_points=thinned, rows=network.rows[rows])

@@ -7,60 +7,42 @@ errors of recorded headings depend on the course.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy
 
 from acx4lib import shown
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations import deviating
 from acx4lib.calibration.estimates import (
     LIMIT_BORESIGHT_DEG,
     LIMIT_LEVER_M,
     Parameter,
-    features,
     from_bundle,
-    needed,
     to_reported,
 )
-from acx4lib.calibration.estimates import parameters as camera_parameters
 from acx4lib.design import directions
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.frames import log
 from acx4lib.geometry.parameters import AXES
 from acx4lib.least_squares import statistics
-from acx4lib.least_squares.covariance import correlation, propagate, sigmas
+from acx4lib.least_squares.covariance import propagate, sigmas
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-DELAY = "gnss_delay_s"
-DEVIATION = ("deviation_sin_deg", "deviation_cos_deg")
 
 
 LIMIT_DELAY_S = 1.0
 """Standard deviation above which a delay counts as not determined, even if it has no effect."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Unknown:
+class _Unknown(NamedTuple):
     """One unknown error of the trajectory.
 
-    Attributes
-    ----------
-    key, name, unit : str
-        As in `Parameter`.
-    value : float
-        In this unit.
-    column : int
-    scale : float
-        The library's units in this unit.
-    reach : float
-        Largest effect of one unit on the trajectory, as a share of the limit. An error is not
-        determined if its effect may exceed the limit of a lever arm or a boresight.
+    `key`, `name`, `unit` and `value` are as in `Parameter`; `scale` converts the library's units.
+    `reach` is the largest effect of one unit on the trajectory, as a share of the limit: an error
+    is not determined if its effect may exceed the limit of a lever arm or a boresight.
     """
 
     key: str
@@ -68,82 +50,42 @@ class _Unknown:
     unit: str
     value: float
     column: int
-    scale: float = 1.0
-    reach: float = 1 / LIMIT_LEVER_M
+    scale: float
+    reach: float
 
 
 def _unknowns(bundle: Bundle) -> list[_Unknown]:
     """Return the estimated errors of the trajectory, in the order of their columns."""
-    layout, state = bundle.network.layout, bundle.state
-    shift = [
-        _Unknown(key="shift", name=f"gnss_shift_{axis}_m", unit="m", value=value, column=column)
+    layout, state, observed = bundle.network.layout, bundle.state, bundle.network.observed
+    unknowns = [
+        _Unknown("shift", f"gnss_shift_{axis}_m", "m", value, column, 1.0, 1 / LIMIT_LEVER_M)
         for axis, value, column in zip(AXES, state.shift, layout.shift, strict=True)
     ]
-    unknowns = [*shift, *_drifts(bundle), *_delay(bundle), *_deviation(bundle)]
-    return [unknown for unknown in unknowns if unknown.column >= 0]
-
-
-def _drifts(bundle: Bundle) -> list[_Unknown]:
-    """Return the drifts, in m per minute, or per exposure where there are no times."""
-    strips, drift = bundle.network.observed.strips, bundle.network.layout.drift
+    strips = observed.strips
     per, scale = ("min", 60.0) if strips.unit == "s" else ("exposure", 1.0)
-    at_end = [
-        float(np.abs(strips.elapsed[strips.idx == k]).max()) for k in range(len(strips.names))
-    ]
-    return [
-        _Unknown(
-            key="drift",
-            name=f"gnss_drift_{strip}_{axis}_m_per_{per}",
-            unit=f"m/{per}",
-            value=scale * float(bundle.state.drift[k, a]),
-            column=int(drift[k, a]),
-            scale=scale,
-            reach=at_end[k] / scale / LIMIT_LEVER_M,
-        )
-        for k, strip in enumerate(strips.names)
-        for a, axis in enumerate(AXES)
-    ]
-
-
-def _delay(bundle: Bundle) -> list[_Unknown]:
-    velocity = bundle.network.observed.velocity
-    if velocity is None:
-        return []
-    speed = float(np.linalg.norm(velocity, axis=1).max())
-    return [
-        _Unknown(
-            key="delay",
-            name=DELAY,
-            unit="s",
-            value=float(bundle.state.delay[0]),
-            column=int(bundle.network.layout.delay[0]),
-            reach=max(speed / LIMIT_LEVER_M, 1 / LIMIT_DELAY_S),
-        )
-    ]
-
-
-def _deviation(bundle: Bundle) -> list[_Unknown]:
-    """Return the deviation of headings, in degrees.
-
-    It may be as uncertain as a single heading, where this is more than a boresight may be.
-    """
-    sigma = np.degrees(bundle.network.observed.sigma_attitude[:, 2])
-    finite = sigma[np.isfinite(sigma)]
-    limit = max(LIMIT_BORESIGHT_DEG, float(np.median(finite)) if len(finite) else 0.0)
-    return [
-        _Unknown(
-            key="deviation",
-            name=name,
-            unit="deg",
-            value=float(np.degrees(value)),
-            column=int(column),
-            scale=float(np.degrees(1.0)),
-            reach=1 / limit,
-        )
-        for name, value, column in zip(
-            DEVIATION, bundle.state.deviation, bundle.network.layout.deviation, strict=True
-        )
-    ]
+    for k, strip in enumerate(strips.names):
+        at_end = float(np.abs(strips.elapsed[strips.idx == k]).max())
+        unknowns += [
+            _Unknown(
+                *("drift", f"gnss_drift_{strip}_{axis}_m_per_{per}", f"m/{per}"),
+                *(scale * state.drift[k, a], layout.drift[k, a], scale),
+                at_end / scale / LIMIT_LEVER_M,
+            )
+            for a, axis in enumerate(AXES)
+        ]
+    if observed.velocity is not None:
+        speed = float(np.linalg.norm(observed.velocity, axis=1).max())
+        reach = max(speed / LIMIT_LEVER_M, 1 / LIMIT_DELAY_S)
+        at = layout.delay[0]
+        unknowns.append(_Unknown("delay", "gnss_delay_s", "s", state.delay[0], at, 1.0, reach))
+    # a deviation may be as uncertain as a single heading, where this is more than a boresight
+    sigma = np.degrees(observed.sigma_attitude[np.isfinite(observed.sigma_attitude[:, 2]), 2])
+    limit = max(LIMIT_BORESIGHT_DEG, float(np.median(sigma)) if len(sigma) else 0.0)
+    for part, value, at in zip(("sin", "cos"), state.deviation, layout.deviation, strict=True):
+        name, degrees = f"deviation_{part}_deg", float(np.degrees(1.0))
+        angle = float(np.degrees(value))
+        unknowns.append(_Unknown("deviation", name, "deg", angle, at, degrees, 1 / limit))
+    return [unknown for unknown in unknowns if unknown.column >= 0]
 
 
 def parameters(bundle: Bundle, cov: Array | None = None) -> list[Parameter]:
@@ -161,18 +103,17 @@ def parameters(bundle: Bundle, cov: Array | None = None) -> list[Parameter]:
         Another one than `reported_covariance`.
     """
     sigma = sigmas(reported_covariance(bundle) if cov is None else cov)
+    is_open = bundle.solution.undetermined
     return [
         Parameter(
             camera="",
-            name=unknown.name,
-            key=unknown.key,
-            unit=unknown.unit,
-            value=float(unknown.value),
-            sigma=np.inf
-            if bundle.solution.undetermined[unknown.column]
-            else float(sigma[unknown.column]),
+            name=u.name,
+            key=u.key,
+            unit=u.unit,
+            value=float(u.value),
+            sigma=np.inf if is_open[u.column] else float(sigma[u.column]),
         )
-        for unknown in _unknowns(bundle)
+        for u in _unknowns(bundle)
     ]
 
 
@@ -220,116 +161,10 @@ def is_determined(bundle: Bundle, cov: Array | None = None) -> Mask:
     return np.array([p.sigma * unknown.reach <= 1 for p, unknown in listed], dtype=bool)
 
 
-def not_determined(bundle: Bundle, cov: Array | None = None) -> list[str]:
-    """Return a sentence per undetermined error of the trajectory.
-
-    Arguments are those of `parameters`.
-    """
-    listed = parameters(bundle, cov)
-    if not listed:
-        return []
-    cameras = camera_parameters(from_bundle(bundle))
-    labels = [f"{p.camera} {p.name}" for p in cameras] + [p.name for p in listed]
-    related = correlation(reported_covariance(bundle) if cov is None else cov)
-    present = features(bundle.network.block)
-    out = []
-    for i in np.flatnonzero(~is_determined(bundle, cov)):
-        p, correlations = listed[i], related[len(cameras) + i].copy()
-        correlations[len(cameras) + i] = 0.0
-        strongest = np.argsort(-np.abs(correlations), kind="stable")[:2]
-        with_others = ", ".join(f"{correlations[j]:+.2f} with {labels[j]}" for j in strongest)
-        how = f"sigma {p.sigma:.3g} {p.unit}; correlation {with_others}"
-        if np.isinf(p.sigma):  # an open parameter has no meaningful correlations
-            how = "left open by the observations"
-        out.append(f"{p.name} is not determined ({how}); it would need: {needed(p.key, present)}")
-    return out
-
-
-def notes(bundle: Bundle) -> list[str]:
-    """Return sentences on the estimated and held errors of the trajectory."""
-    layout = bundle.network.layout
-    listed = [p for p, good in zip(parameters(bundle), is_determined(bundle), strict=True) if good]
-    shifts = [
-        f"{p.value:+.3f} ± {p.sigma:.3f} m ({axis})"
-        for axis in AXES
-        for p in listed
-        if p.name == f"gnss_shift_{axis}_m"
-    ]
-    out = [f"GNSS positions are off by {', '.join(shifts)}"] if shifts else []
-    if drifts := [p for p in listed if p.key == "drift"]:
-        top = max(drifts, key=lambda p: abs(p.value) / p.sigma)
-        out.append(f"the plainest drift is {top.name}: {top.value:+.3f} ± {top.sigma:.3f}")
-    for p in listed:
-        if p.name == DELAY:
-            late, value, sigma = (
-                ("late" if p.value > 0 else "early"),
-                1000 * abs(p.value),
-                1000 * p.sigma,
-            )
-            out.append(f"GNSS positions are recorded {value:.1f} ± {sigma:.1f} ms {late}")
-    out += _deviating([p for p in listed if p.key == "deviation"])
-    out += _correlated(bundle.network)
-    if np.any(layout.shift >= 0):
-        held, free = "the lever arm's z", "the height of the GNSS shift"
-        if layout.shift[2] < 0:
-            held, free = free, held
-        out.append(f"{held} is held, since it and {free} are one unknown")
-    estimated = {unknown.key for unknown in _unknowns(bundle)}
-    if owners := " and ".join(name for name, keys in _OWN.items() if estimated & keys):
-        verb = "are" if " and " in owners else "is"
-        out.append(
-            f"{owners} {verb} this block's own: none is applied to another block, nor in the "
-            "validation"
-        )
-    return out
-
-
-_OWN = {
-    "the shift and drift of GNSS positions": {"shift", "drift"},
-    "the delay": {"delay"},
-    "the deviation of headings": {"deviation"},
-}
-
-
-def _deviating(parts: list[Parameter]) -> list[str]:
-    """Return a sentence on the deviation of headings, if both its parts are determined."""
-    if len(parts) < 2:
-        return []
-    by_sine, by_cosine = parts
-    most = np.hypot(by_sine.value, by_cosine.value)
-    where = np.degrees(np.arctan2(by_sine.value, by_cosine.value)) % 360
-    return [
-        f"recorded headings are off by {by_sine.value:+.3f} ± {by_sine.sigma:.3f}° times their "
-        f"sine and {by_cosine.value:+.3f} ± {by_cosine.sigma:.3f}° times their cosine: by "
-        f"{most:.3f}° at {where:.0f}°, and by as much the other way on the opposite course"
-    ]
-
-
-def _correlated(network: Network) -> list[str]:
-    """Return sentences on the share of the trajectory's sigma that is weighted as correlated."""
-    observed, trajectory = network.observed, network.block.trajectory
-    return [
-        f"errors of {noun} are taken to be correlated: {process.share:g} of their sigma, with a "
-        f"time constant of {process.time_constant_s:g} s"
-        for noun, process, slow in (
-            ("positions", trajectory.slow_positions, observed.slow_positions),
-            ("attitudes", trajectory.slow_attitudes, observed.slow_attitudes),
-        )
-        if slow is not None
-    ]
-
-
 # --- headings by course -----------------------------------------------------------------------
 #
 # The error of a magnetometer in an aircraft depends on the heading. A boresight absorbs its mean
 # over the courses; on a single course it absorbs the whole error.
-
-
-APART = np.radians(20.0)
-"""Courses closer to each other than this count as one."""
-
-ALPHA = 0.01
-"""Probability of a difference between courses where there is none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -376,18 +211,8 @@ class ByCourse:
 
     @property
     def differs(self) -> bool:
-        """Whether heading errors differ significantly between courses."""
-        return self.p < ALPHA
-
-    @property
-    def sentence(self) -> str:
-        """A sentence with the mean heading error of each course, and its likely cause."""
-        means = ", ".join(f"{c.off_deg:+.3g}° at {c.course_deg:.0f}°" for c in self.courses)
-        return (
-            f"recorded headings are off by another amount on another course: {means} (p "
-            f"{self.p:.1g}); the deviation of a magnetometer would look like this, and "
-            'attitude = ["deviation"] under [stages.mounting] estimates it'
-        )
+        """Whether heading errors differ between courses, by more than chance in one of 100."""
+        return self.p < 0.01
 
 
 def by_course(bundle: Bundle) -> ByCourse | None:
@@ -413,21 +238,26 @@ def by_course(bundle: Bundle) -> ByCourse | None:
         return None
     course, error = headings(bundle)
     course, error = course[np.isfinite(error)], error[np.isfinite(error)]
-    groups = _clusters(course)
-    groups = [rows for rows in groups if len(rows) > 1]
+    groups = [rows for rows in _clusters(course) if len(rows) > 1]
     redundancy = sum(map(len, groups)) - len(groups)
     if len(groups) < 2 or redundancy < len(groups):
         return None
+    errors = [error[rows] for rows in groups]
+    everything = np.concatenate(errors)
+    within = sum(float(np.sum((group - group.mean()) ** 2)) for group in errors)
+    between = float(np.sum((everything - everything.mean()) ** 2)) - within
+    variance = max(within / redundancy, np.finfo(float).tiny)
+    mean = [np.arctan2(np.sin(course[rows]).sum(), np.cos(course[rows]).sum()) for rows in groups]
     return ByCourse(
         courses=tuple(
             Course(
-                course_deg=float(np.degrees(_mean(course[rows])) % 360),
-                n=len(rows),
-                off_deg=float(np.degrees(error[rows].mean())),
+                course_deg=float(np.degrees(direction) % 360),
+                n=len(group),
+                off_deg=float(np.degrees(group.mean())),
             )
-            for rows in groups
+            for direction, group in zip(mean, errors, strict=True)
         ),
-        f_ratio=_f_ratio([error[rows] for rows in groups]),
+        f_ratio=between / (len(groups) - 1) / variance,
         redundancy=redundancy,
     )
 
@@ -455,28 +285,15 @@ def headings(bundle: Bundle) -> tuple[Array, Array]:
     return course, np.where(known, error, np.nan)[first]
 
 
-def _mean(angles: Array) -> float:
-    return float(np.arctan2(np.sin(angles).sum(), np.cos(angles).sum()))
-
-
 def _clusters(angles: Array) -> list[Index]:
-    """Return groups of rows whose angles have no gap as wide as `APART`, in order of direction."""
+    """Return groups of rows whose angles have no gap of 20 degrees, in order of direction."""
     if not len(angles):
         return []
     order = np.argsort(angles % (2 * np.pi), kind="stable")
     ascending = angles[order] % (2 * np.pi)
-    gaps = np.diff(ascending, append=ascending[0] + 2 * np.pi) > APART
+    gaps = np.diff(ascending, append=ascending[0] + 2 * np.pi) > np.radians(20.0)
     if not gaps.any():
         return [order]
     first = int(np.flatnonzero(gaps)[-1]) + 1
     parts = np.split(np.roll(order, -first), np.flatnonzero(np.roll(gaps, -first))[:-1] + 1)
     return [part for part in parts if len(part)]
-
-
-def _f_ratio(groups: list[Array]) -> float:
-    """Return the variance between groups over the variance within them."""
-    everything = np.concatenate(groups)
-    within = sum(float(np.sum((group - group.mean()) ** 2)) for group in groups)
-    between = float(np.sum((everything - everything.mean()) ** 2)) - within
-    n, k = len(everything), len(groups)
-    return between / (k - 1) / max(within / (n - k), np.finfo(float).tiny)

@@ -8,6 +8,7 @@ groups of parameters. Such a term is a source by itself here; it may be negative
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 
@@ -16,7 +17,9 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.block import Block, ImagePoints, Images, Trajectory
 from acx4lib.bundle.unknowns import Layout
-from acx4lib.calibration.estimates import Calibration
+from acx4lib.calibration.estimates import Calibration, to_reported
+from acx4lib.calibration.held import Held
+from acx4lib.calibration.mounting import Mounting
 from acx4lib.design import flying_heights
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import Camera, correct, inside, xy_from_colrow
@@ -167,8 +170,7 @@ def predict(
     x_m: Array,
     *,
     sigma_px: float,
-    sigma_survey_m: Array | None = None,
-    refraction: str = "none",
+    sigma_survey_m: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Budget:
     """Predict the errors of points that are intersected from all images showing them.
 
@@ -184,10 +186,8 @@ def predict(
         Mapping frame, m.
     sigma_px : float
         Standard deviation of every image point.
-    sigma_survey_m : ndarray, shape (3,), optional
-        Of the coordinates with which a point is compared, east, north, height; zero by default.
-    refraction : str
-        ``"none"`` or ``"standard"``.
+    sigma_survey_m : sequence of float
+        Of the coordinates with which a point is compared: east, north, height.
 
     Returns
     -------
@@ -195,16 +195,9 @@ def predict(
         Along east, north and height; NaN for points whose rays from fewer than two images meet at
         the block's smallest angle.
     """
-    points, met = _sources_at(
-        block,
-        georeferenced,
-        x_m,
-        sigma_px=sigma_px,
-        sigma_survey_m=sigma_survey_m,
-        refraction=refraction,
-    )
+    points, sources = _sources_at(block, georeferenced, x_m, sigma_px, sigma_survey_m)
     variance = np.full((len(x_m), 3, len(SOURCES)), np.nan)
-    variance[points] = of(met, georeferenced.layout).variance
+    variance[points] = of(sources, georeferenced.layout).variance
     return Budget(variance=variance)
 
 
@@ -212,17 +205,11 @@ def _sources_at(
     block: Block,
     georeferenced: Georeferenced,
     x_m: Array,
-    *,
     sigma_px: float,
-    sigma_survey_m: Array | None = None,
-    refraction: str = "none",
+    sigma_survey_m: Sequence[float],
 ) -> tuple[Index, ErrorSources]:
     """Return the points that are predicted, and the sources of their errors; as `predict`."""
-    x_m = expected.numbers("x_m", x_m, ("n", 3))
-    expected.positive("sigma_px", sigma_px)
-    survey = np.zeros(3) if sigma_survey_m is None else sigma_survey_m
-    expected.shape("sigma_survey_m", survey, (3,))
-    image_idx, point_idx, colrow = shown(block, georeferenced, x_m, refraction=refraction)
+    image_idx, point_idx, colrow = shown(block, georeferenced, x_m)
     towards = x_m[point_idx] - georeferenced.T_m_c.r[image_idx]
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
     known = largest_angles(towards, point_idx, len(x_m)) >= block.smallest_angle
@@ -234,15 +221,13 @@ def _sources_at(
         colrow=colrow[rows],
         sigma_px=np.full(len(rows), sigma_px),
     )
-    met = direct.intersect_rays(block, georeferenced, measured, refraction=refraction)
+    met = direct.intersect_rays(block, georeferenced, measured)
     sources = turned(met.sources, block.frame.grid_axes(x_m[points]))
-    surveyed = np.tile(np.diag(np.asarray(survey) ** 2), (len(points), 1, 1))
+    surveyed = np.tile(np.diag(np.square(sigma_survey_m)), (len(points), 1, 1))
     return points, replace(sources, survey=surveyed)
 
 
-def shown(
-    block: Block, georeferenced: Georeferenced, x_m: Array, *, refraction: str = "none"
-) -> tuple[Index, Index, Array]:
+def shown(block: Block, georeferenced: Georeferenced, x_m: Array) -> tuple[Index, Index, Array]:
     """Return all projections of points into images: image, point and pixel of each.
 
     Parameters
@@ -251,8 +236,6 @@ def shown(
     georeferenced : Georeferenced
     x_m : ndarray, shape (n, 3)
         Mapping frame, m.
-    refraction : str
-        ``"none"`` or ``"standard"``.
 
     Returns
     -------
@@ -260,22 +243,19 @@ def shown(
         Sorted by point.
     colrow : ndarray, shape (k, 2)
     """
-    image_idx, point_idx, colrow = [], [], []
+    rows: list[tuple[Index, Index, Array]] = []
     limits = [_limits(camera) for camera in georeferenced.cameras]
     for i, k in enumerate(block.images.camera_idx):
         camera, T_m_c = georeferenced.cameras[k], georeferenced.T_m_c[i : i + 1]
-        seen_at = as_seen(T_m_c.r, x_m, refraction=refraction)
+        seen_at = as_seen(T_m_c.r, x_m, refraction=georeferenced.refraction)
         ideal = pinhole(camera.interior.f, to_camera(T_m_c, seen_at))
         near = np.flatnonzero(np.all(np.abs(ideal) <= limits[k], axis=1))
         pixels = project(camera, T_m_c, seen_at[near])
         within = inside(camera, pixels)
-        image_idx.append(np.full(int(within.sum()), i))
-        point_idx.append(near[within])
-        colrow.append(pixels[within])
-    point = np.concatenate([*point_idx, np.zeros(0, dtype=np.intp)])
+        rows.append((np.full(int(within.sum()), i), near[within], pixels[within]))
+    image, point, colrow = (np.concatenate(part) for part in zip(*rows, strict=True))
     order = np.argsort(point, kind="stable")
-    image = np.concatenate([*image_idx, np.zeros(0, dtype=np.intp)])
-    return image[order], point[order], np.concatenate([*colrow, np.zeros((0, 2))])[order]
+    return image[order], point[order], colrow[order]
 
 
 def _limits(camera: Camera) -> Array:
@@ -319,16 +299,6 @@ class MappingFlight:
     sigma_attitude: Triple
     sigma_px: float
     sigma_survey_m: Triple = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        expected.positive("height_m", self.height_m)
-        expected.positive("sigma_px", self.sigma_px)
-        for name in ("sigma_position_m", "sigma_attitude", "sigma_survey_m"):
-            expected.positive(name, np.asarray(getattr(self, name)), zero=True)
-        for name in ("forward", "side"):
-            if not 0 <= getattr(self, name) < 1:
-                given = getattr(self, name)
-                raise ValueError(f"{name}: expected an overlap from 0 to less than 1, got {given}")
 
 
 def spacing(camera: Camera, flight: MappingFlight) -> tuple[float, float]:
@@ -412,8 +382,7 @@ def over_ground(calibration: Calibration, flight: MappingFlight, *, n: int = 32)
     Budget
         East is along the strips.
     """
-    camera = _only_camera(calibration)
-    expected.whole("n", n)
+    (camera,) = calibration.cameras
     base, strip_distance = spacing(camera, flight)
     middle = (np.arange(n) + 0.5) / n - 0.5
     x, y = (part.ravel() for part in np.meshgrid(base * middle, strip_distance * middle))
@@ -460,8 +429,7 @@ def over_format(calibration: Calibration, flight: MappingFlight, *, n: int = 41)
     n : int
         Pixels along the longer side of the format.
     """
-    camera = _only_camera(calibration)
-    expected.whole("n", n, least=2)
+    (camera,) = calibration.cameras
     size = np.array([camera.width_px, camera.height_px])
     columns, rows = np.maximum(np.round(n * size / size.max()).astype(int), 2)
     col, row = np.meshgrid(np.linspace(0, size[0] - 1, columns), np.linspace(0, size[1] - 1, rows))
@@ -485,14 +453,8 @@ def at_corners(calibration: Calibration, camera: Camera, flight: MappingFlight) 
     last = np.array([camera.width_px - 1.0, camera.height_px - 1.0])
     corners = last * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     ground = _on_ground(camera, _level(np.zeros((1, 2)), flight), corners)
-    _, sources = _sources_at(
-        block,
-        direct.georeference(block, calibration),
-        ground,
-        sigma_px=flight.sigma_px,
-        sigma_survey_m=np.array(flight.sigma_survey_m),
-    )
-    return sources
+    posed = direct.georeference(block, calibration)
+    return _sources_at(block, posed, ground, flight.sigma_px, flight.sigma_survey_m)[1]
 
 
 def like(block: Block, camera: Camera) -> MappingFlight | None:
@@ -500,14 +462,11 @@ def like(block: Block, camera: Camera) -> MappingFlight | None:
 
     It has the median height of the block, its accuracies, and the usual overlaps.
     """
-    pixel = np.array([block_camera.pixel_mm for block_camera in block.cameras])
-    points = block.image_points
+    points, trajectory = block.image_points, block.trajectory
+    pixel = np.array([of.pixel_mm for of in block.cameras])
     sigma_mm = points.sigma_px * pixel[block.images.camera_idx[points.image_idx]]
     height_m = float(np.median(flying_heights(block)))
-    position, attitude = (
-        _rms(block.trajectory.sigma_position),
-        _rms(block.trajectory.sigma_attitude),
-    )
+    position, attitude = _rms(trajectory.sigma_position), _rms(trajectory.sigma_attitude)
     sigma_px = float(_rms(sigma_mm[np.isfinite(sigma_mm)])) / camera.pixel_mm
     if not (np.isfinite([height_m, sigma_px, *position, *attitude]).all() and height_m > 0):
         return None
@@ -523,12 +482,6 @@ def _rms(values: Array) -> Array:
     return np.sqrt(np.mean(values**2, axis=0)) if len(values) else np.array(np.nan)
 
 
-def _only_camera(calibration: Calibration) -> Camera:
-    if len(calibration.cameras) != 1:
-        raise ValueError(f"calibration: expected one camera, got {len(calibration.cameras)}")
-    return calibration.cameras[0]
-
-
 def _predicted(calibration: Calibration, flight: MappingFlight, x_m: Array) -> Budget:
     block = fly(calibration.cameras[0], flight)
     return predict(
@@ -536,7 +489,7 @@ def _predicted(calibration: Calibration, flight: MappingFlight, x_m: Array) -> B
         direct.georeference(block, calibration),
         x_m,
         sigma_px=flight.sigma_px,
-        sigma_survey_m=np.array(flight.sigma_survey_m),
+        sigma_survey_m=flight.sigma_survey_m,
     )
 
 
@@ -560,3 +513,108 @@ def _corners(camera: Camera) -> Array:
     """Return the outer corners of the format, pixels, shape (4, 2)."""
     right, low = camera.width_px - 0.5, camera.height_px - 0.5
     return np.array([[-0.5, -0.5], [right, -0.5], [right, low], [-0.5, low]])
+
+
+# --- What single parameters and held values mean for the ground ------------------------------
+
+
+def parameter_shares(sources: ErrorSources, calibration: Calibration) -> Array | None:
+    """Return the relative decrease of ground point variances if a parameter becomes known.
+
+    Parameters
+    ----------
+    sources : ErrorSources
+        Of points, with the covariance of the calibration.
+    calibration : Calibration
+
+    Returns
+    -------
+    ndarray, shape (3, n), or None
+        Along the axes of the points, for every reported parameter; None without points. Shares of
+        correlated parameters do not add up to that of all.
+
+    Notes
+    -----
+    A parameter with the variance c and the covariances C e with all of them has (J C e)^2 / c of
+    the variance of a point with the derivatives J: the remainder is the variance given the
+    parameter. J_e^2 c would also count the part that another parameter compensates.
+    """
+    if len(sources) == 0:
+        return None
+    total = np.diagonal(sources.cov, axis1=1, axis2=2).mean(axis=0)
+    T = to_reported(calibration)
+    C = sources.cov_parameters @ T.T
+    variance = np.diagonal(T @ C)
+    by_each = np.mean((sources.by_parameters @ C) ** 2, axis=0)
+    return by_each / np.where(variance > 0, variance, np.inf) / total[:, None]
+
+
+def shares_at_corners(calibration: Calibration, block: Block) -> Array | None:
+    """Return `parameter_shares` of the ground under the corners of the format, over all cameras.
+
+    The images are those of a regular mapping flight at the height of a block, with the accuracies
+    of this block; a share is the largest over the cameras. None where no camera looks down, or
+    something is not known.
+    """
+    shares = [
+        parameter_shares(sources, calibration) for sources in _corners_like(calibration, block)
+    ]
+    known = [of_camera for of_camera in shares if of_camera is not None]
+    return np.max(known, axis=0) if known else None
+
+
+def displacement(mounting: Mounting, held: Held) -> tuple[Array, Array] | None:
+    """Return how far the ground moves where held values that the data reject are freed together.
+
+    The ground under the corners of the format of all cameras, by direct georeferencing in a
+    regular mapping flight like that of the block. The calibration moves by the linear step.
+
+    Parameters
+    ----------
+    mounting : Mounting
+        Of the single step or a rig.
+    held : Held
+        Its held values, tested.
+
+    Returns
+    -------
+    d, sigma : ndarray, shape (n, 3), or None
+        Displacement and predicted standard deviation, m: along the strip, across it, height. None
+        where nothing is rejected, no camera looks down or no such flight can be predicted.
+    """
+    if not held.rejected:
+        return None
+    n, columns, before = len(held.names), held.network.layout, mounting.calibration
+    cov = np.zeros((n + before.n_columns,) * 2)
+    cov[n:, n:] = before.total_cov
+    extended = replace(  # the held parameters come first, without sigma
+        before,
+        layout=replace(
+            before.layout,
+            interior=columns.interior,
+            mount=columns.mount,
+            shift=np.where(columns.shift < n, columns.shift, -1),
+        ),
+        cov=cov,
+        cov_before=None,
+        open_columns=np.append(np.zeros(n, dtype=bool), before.open_columns),
+    )
+    dx = held.change(held.rejected)[: extended.n_columns]
+    corners = _corners_like(extended, mounting.bundle.network.block)
+    moved = [
+        (sources.by_parameters @ dx, of(sources, extended.layout).sigma) for sources in corners
+    ]
+    if not moved:
+        return None
+    d, sigma = (np.concatenate(part) for part in zip(*moved, strict=True))
+    return d, sigma
+
+
+def _corners_like(calibration: Calibration, block: Block) -> list[ErrorSources]:
+    """Return the sources at the corners of every camera, in a mapping flight like a block."""
+    flights = [(camera, like(block, camera)) for camera in calibration.cameras]
+    return [
+        at_corners(calibration, camera, flight)
+        for camera, flight in flights
+        if flight is not None and looks_down(camera)
+    ]

@@ -26,6 +26,7 @@ from acx4lib.geometry.geodesy import MappingFrame
 from acx4lib.geometry.intersection import intersect
 from acx4lib.georeferencing.error_sources import ErrorSources, turned
 from acx4lib.least_squares.covariance import propagate
+from acx4lib.model import Model
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,6 +54,8 @@ class Georeferenced:
         A priori covariance of the calibration.
     shared : SharedErrors, optional
         Covariances between the body poses of exposures.
+    refraction : str
+        How rays run to the cameras, as `Model` has it.
     """
 
     cameras: tuple[Camera, ...]
@@ -63,11 +66,19 @@ class Georeferenced:
     cov_body: Array
     cov_parameters: Array
     shared: SharedErrors | None = None
+    refraction: str = "none"
 
     def __repr__(self) -> str:
         """Describe the cameras and the number of images in one line."""
         names = shown.names([camera.name for camera in self.cameras])
         return shown.line("Georeferenced", names, shown.count(len(self.T_m_c), "image"))
+
+    def between(self, a: Index, b: Index) -> Array:
+        """Return the covariances between the body poses of pairs of exposures, (n, 6, 6)."""
+        same = (a == b)[:, None, None]
+        if self.shared is None:
+            return np.where(same, self.cov_body[a], 0.0)
+        return np.where(same, self.cov_body[a], self.shared.between(a, b))
 
     def table(self) -> pd.DataFrame:
         """Return the poses of the images, which are counted from zero, in the mapping frame."""
@@ -77,7 +88,7 @@ class Georeferenced:
         return shown.row_table("image", rows)
 
 
-def georeference(block: Block, calibration: Calibration) -> Georeferenced:
+def georeference(block: Block, calibration: Calibration, model: Model = Model()) -> Georeferenced:
     """Return the camera poses of a block by eq. (14), with their derivatives and covariances.
 
     Parameters
@@ -85,6 +96,8 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
     block : Block
     calibration : Calibration
         Must have every camera of the block.
+    model : Model
+        Of which refraction counts.
 
     Raises
     ------
@@ -121,6 +134,7 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
         cov_body=block.trajectory.cov,
         cov_parameters=calibration.total_cov,
         shared=shared_errors(block.trajectory),
+        refraction=model.refraction,
     )
 
 
@@ -151,13 +165,9 @@ class Rays:
     sigma_px: Array
 
     def __post_init__(self) -> None:
-        expected.shape("image_idx", self.image_idx)
-        n = len(self.image_idx)
-        expected.shape("group", self.group, (n,))
-        expected.shape("colrow", self.colrow, (n, 2))
-        expected.shape("sigma_px", self.sigma_px, (n,))
+        expected.shape("colrow", self.colrow, (len(self.image_idx), 2))
         expected.positive("sigma_px", self.sigma_px)
-        if n and (self.group[0] < 0 or np.any(np.diff(self.group) < 0)):
+        if np.any(np.diff(self.group, prepend=0) < 0):
             msg = f"group: expected ascending numbers from zero, got {self.group.tolist()[:10]} ..."
             raise ValueError(msg)
 
@@ -190,8 +200,6 @@ class Intersections:
         A priori, from image points, trajectory and calibration, m^2.
     sources : ErrorSources
         The parts of `cov`, and the errors that points share.
-    cov_v : ndarray, shape (n, 2, 2)
-        Covariance of the misclosures of single rays, from image point and trajectory, px^2.
     by_point : ndarray, shape (n, 2, 3)
         d(v) / d(point).
     by_body : ndarray, shape (n, 2, 6)
@@ -204,7 +212,6 @@ class Intersections:
     v: Array
     cov: Array
     sources: ErrorSources
-    cov_v: Array
     by_point: Array
     by_body: Array
     by_parameters: Array
@@ -234,14 +241,7 @@ def measured(block: Block, georeferenced: Georeferenced, selected: Rays) -> Meas
     )
 
 
-def intersect_rays(
-    block: Block,
-    georeferenced: Georeferenced,
-    selected: Rays,
-    *,
-    weights: Array | None = None,
-    refraction: str = "none",
-) -> Intersections:
+def intersect_rays(block: Block, georeferenced: Georeferenced, selected: Rays) -> Intersections:
     """Intersect groups of rays: least squares of the image residuals.
 
     Parameters
@@ -249,10 +249,6 @@ def intersect_rays(
     block : Block
     georeferenced : Georeferenced
     selected : Rays
-    weights : ndarray, shape (n, 2, 2), optional
-        Weight matrices, px^-2; by default from sigma_px.
-    refraction : str
-        ``"none"`` or ``"standard"``.
 
     Returns
     -------
@@ -262,16 +258,14 @@ def intersect_rays(
     Raises
     ------
     ValueError
-        For images that are not in the block, or weights of another shape.
+        For images that are not in the block.
     """
     expected.places("selected.image_idx", selected.image_idx, len(block.images))
-    if weights is not None:
-        expected.shape("weights", weights, (len(selected.group), 2, 2))
-    measurement = measured(block, georeferenced, selected)
-    P = weights if weights is not None else np.eye(2) / selected.sigma_px[:, None, None] ** 2
-    x_m = intersect(measurement.T_m_c.r, directions(measurement), selected.group, selected.n_groups)
+    measurement, refraction = measured(block, georeferenced, selected), georeferenced.refraction
+    r_m, P = measurement.T_m_c.r, np.eye(2) / selected.sigma_px[:, None, None] ** 2
+    x_m = intersect(r_m, directions(measurement), selected.group, selected.n_groups)
     for _ in range(20):
-        apparent = as_seen(measurement.T_m_c.r, x_m[selected.group], refraction=refraction)
+        apparent = as_seen(r_m, x_m[selected.group], refraction=refraction)
         v, by_interior, by_pose, B = image_derivatives(measurement, apparent)
         normal = _summed(np.swapaxes(B, 1, 2) @ P @ B, selected)
         right = _summed(np.einsum("nji,njk,nk->ni", B, P, v), selected)
@@ -289,18 +283,13 @@ def intersect_rays(
     sources = _error_sources(
         block, georeferenced, selected, gain, by_parameters=by_parameters, by_pose=by_pose
     )
-    cov_v = np.eye(2) * selected.sigma_px[:, None, None] ** 2
-    by_body = by_pose @ georeferenced.by_body[selected.image_idx]
-    exposure = block.images.exposure_idx[selected.image_idx]
-    cov_v = cov_v + propagate(by_body, georeferenced.cov_body[exposure])
     return Intersections(
         x_m=x_m,
         v=v,
         cov=sources.cov,
         sources=sources,
-        cov_v=cov_v,
         by_point=B,
-        by_body=by_body,
+        by_body=by_pose @ georeferenced.by_body[selected.image_idx],
         by_parameters=by_parameters,
     )
 
@@ -322,9 +311,7 @@ def _by_columns(
     return padded[:, :, :-1]
 
 
-def ray_covariance(
-    block: Block, georeferenced: Georeferenced, selected: Rays, *, refraction: str = "none"
-) -> Array:
+def ray_covariance(block: Block, georeferenced: Georeferenced, selected: Rays) -> Array:
     """Return the joint covariance of measured minus predicted image coordinates.
 
     Parameters
@@ -333,8 +320,6 @@ def ray_covariance(
     georeferenced : Georeferenced
     selected : Rays
         A few; the matrix is dense.
-    refraction : str
-        ``"none"`` or ``"standard"``.
 
     Returns
     -------
@@ -343,19 +328,17 @@ def ray_covariance(
         of the body, which rays of one exposure share, and from the calibration, which all share.
     """
     g = georeferenced
-    intersections = intersect_rays(block, g, selected, refraction=refraction)
+    intersections = intersect_rays(block, g, selected)
     exposure = block.images.exposure_idx[selected.image_idx]
     by_columns = intersections.by_parameters.reshape(2 * len(exposure), -1)
     return (
         np.diag(np.repeat(selected.sigma_px**2, 2))
-        + by_trajectory(intersections.by_body, exposure, g.cov_body, g.shared)
+        + by_trajectory(intersections.by_body, exposure, g)
         + by_columns @ g.cov_parameters @ by_columns.T
     )
 
 
-def by_trajectory(
-    by_body: Array, exposure: Index, cov_body: Array, shared: SharedErrors | None
-) -> Array:
+def by_trajectory(by_body: Array, exposure: Index, georeferenced: Georeferenced) -> Array:
     """Return the joint covariance of a few image points from the poses of the body.
 
     Parameters
@@ -363,8 +346,7 @@ def by_trajectory(
     by_body : ndarray, shape (n, 2, 6)
         d(image point) / d(body pose).
     exposure : ndarray, shape (n,)
-    cov_body : ndarray, shape (n_exposures, 6, 6)
-    shared : SharedErrors or None
+    georeferenced : Georeferenced
 
     Returns
     -------
@@ -372,11 +354,8 @@ def by_trajectory(
         px^2.
     """
     n = len(exposure)
-    first, second = (i.ravel() for i in np.indices((n, n)))
-    same_exposure = (exposure[first] == exposure[second])[:, None, None]
-    nothing: Array = np.zeros((n * n, 6, 6))
-    between = nothing if shared is None else shared.between(exposure[first], exposure[second])
-    body = np.where(same_exposure, cov_body[exposure[first]], between)
+    first, second = np.indices((n, n)).reshape(2, -1)
+    body = georeferenced.between(exposure[first], exposure[second])
     blocks = (by_body[first] @ body @ np.swapaxes(by_body[second], 1, 2)).reshape(n, n, 2, 2)
     return np.swapaxes(blocks, 1, 2).reshape(2 * n, 2 * n)
 
@@ -422,10 +401,6 @@ def _error_sources(
 # --- Ground points of single pixels on a known height: eqs (1)-(5) and (14), with their errors
 
 
-STEPS, CLOSE_M = 20, 1e-6
-"""Most steps to the surface of a height, and the distance from it that ends them."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GroundPoints:
     """Where pixels lie on the ground.
@@ -462,7 +437,6 @@ def ground_points(
     *,
     height_m: Array,
     sigma_height_m: Array | None = None,
-    refraction: str = "none",
 ) -> GroundPoints:
     """Return the points in which the rays of pixels meet surfaces of constant height.
 
@@ -477,8 +451,6 @@ def ground_points(
         In the flight's height system, m.
     sigma_height_m : ndarray, shape (n,), optional
         Their standard deviations, by default zero; heights of two points err independently.
-    refraction : str
-        ``"none"`` or ``"standard"``.
 
     Returns
     -------
@@ -496,16 +468,13 @@ def ground_points(
     A point x fulfils v(x) = 0, the image residuals of eqs (1)-(11), and h(x) = h. So
     d(x) = [dv/dx; dh/dx]^-1 (-dv, dh), where dh/dx is the normal of the ellipsoid.
     """
-    n = len(pixels.image_idx)
     expected.places("pixels.image_idx", pixels.image_idx, len(block.images))
     expected.different("pixels.group", pixels.group.tolist(), "groups")
-    height = expected.numbers("height_m", height_m, (n,))
-    given = np.zeros(n) if sigma_height_m is None else sigma_height_m
-    sigma_h = expected.numbers("sigma_height_m", given, (n,))
-    expected.positive("sigma_height_m", sigma_h, zero=True)
+    height = expected.numbers("height_m", height_m, (len(pixels.image_idx),))
+    sigma_h = np.zeros(len(height)) if sigma_height_m is None else np.asarray(sigma_height_m)
     measurement = measured(block, georeferenced, pixels)
     x_m, lifted, met = _on_surface(
-        block.frame, measurement.T_m_c.r, directions(measurement), height, refraction
+        block.frame, measurement.T_m_c.r, directions(measurement), height, georeferenced.refraction
     )
     _, by_interior, by_pose, by_point = image_derivatives(measurement, lifted)
     axes = block.frame.grid_axes(x_m)
@@ -536,12 +505,12 @@ def _on_surface(
     towards = np.where(down[:, None], towards, -up)
     seen_at = r_m + (frame.to_grid(r_m)[:, 2] - height)[:, None] * towards
     x_m, remaining = seen_at, np.full(len(r_m), np.inf)
-    for _ in range(STEPS):
+    for _ in range(20):
         x_m = 2 * seen_at - as_seen(r_m, seen_at, refraction=refraction)
         remaining = frame.to_grid(x_m)[:, 2] - height
-        if not np.any(np.abs(remaining) > CLOSE_M):
+        if not np.any(np.abs(remaining) > 1e-6):
             break
         slope = np.einsum("ni,ni->n", frame.grid_axes(x_m)[:, 2], towards)
         seen_at = seen_at - (remaining / slope)[:, None] * towards
     ahead = np.einsum("ni,ni->n", seen_at - r_m, towards) > 0
-    return x_m, seen_at, down & ahead & (np.abs(remaining) <= CLOSE_M)
+    return x_m, seen_at, down & ahead & (np.abs(remaining) <= 1e-6)

@@ -11,27 +11,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import sparse
 
-from acx4lib import expected, shown
+from acx4lib import shown
 from acx4lib.block import Block, SurveyedPoints, standing_out
 from acx4lib.bundle.adjust import Bundle, mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting, elsewhere
-from acx4lib.bundle.observations import SharedErrors
 from acx4lib.bundle.rejections import CRITICAL, Rejection, Stopped, within_limits
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration.common_errors import by_turns
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.errors import AdjustmentError, unsolvable
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.geometry.collinearity import REFRACTION, Measurement, directions
+from acx4lib.geometry.collinearity import Measurement, directions
 from acx4lib.geometry.frames import transform
 from acx4lib.geometry.intersection import intersect, largest_angles
 from acx4lib.geometry.parameters import AXES, Prior
 from acx4lib.georeferencing import accuracy, direct, error_sources
-from acx4lib.georeferencing.direct import Georeferenced, Intersections, Rays
+from acx4lib.georeferencing.accuracy import NormalisedTest, Triple, triple
+from acx4lib.georeferencing.direct import Georeferenced, Rays
 from acx4lib.georeferencing.error_sources import ErrorSources, block_matrix, turned
-from acx4lib.least_squares import adjustment, processors
+from acx4lib.least_squares import adjustment, processors, statistics
 from acx4lib.least_squares.adjustment import two_sided_p
-from acx4lib.least_squares.covariance import half, propagate, sigmas
+from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.model import Model
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -140,9 +141,38 @@ class Validation:
         """Two-sided probability of such a `joint_chi_square` or a more extreme one."""
         return two_sided_p(self.joint_chi_square, self.joint_dof)
 
+    @property
+    def expected_rejections(self) -> float:
+        """Number of measurements that chance rejects: of both components, of three rays or more."""
+        n_images = self.points.n_images
+        return 2 * int(n_images[n_images > 2].sum()) * 2 * statistics.norm_sf(CRITICAL)
+
+    @property
+    def height_offset(self) -> tuple[float, float]:
+        """The median height difference, m, and its share of the flying height."""
+        if not len(self.points):
+            return 0.0, 0.0
+        above = np.median(self.georeferenced.T_m_c.r[:, 2]) - self.block.check.x_m[:, 2]
+        offset = float(np.median(self.points.d[:, 2]))
+        return offset, offset / float(np.median(above))
+
+    @property
+    def spread(self) -> NormalisedTest | None:
+        """Test of the predicted sigma of the points; None without any."""
+        if not len(self.points):
+            return None
+        among = error_sources.axis_covariances(self.points.sources)
+        return accuracy.normalised_test(self.points.d, self.points.sigma, among)
+
+    @property
+    def survey_sigma(self) -> Triple:
+        """RMS of the sigma of the surveyed points: east, north, height, m; zero without any."""
+        sigma = self.block.check.sigma_m[self.points.point_idx]
+        return triple(np.sqrt(np.mean(sigma**2, axis=0)) if len(sigma) else np.zeros(3))
+
 
 def validate(
-    block: Block, calibration: Calibration, *, method: str, refraction: str = "none"
+    block: Block, calibration: Calibration, model: Model = Model(), *, method: str
 ) -> Validation:
     """Intersect every check point from pairs of rays and from all rays, and compare.
 
@@ -154,10 +184,10 @@ def validate(
     block : Block
         The block with the check points.
     calibration : Calibration
+    model : Model
+        Of which refraction counts.
     method : str
         Name of the calibration in the results; it has no other effect.
-    refraction : str
-        ``"none"`` or ``"standard"``.
 
     Raises
     ------
@@ -166,26 +196,44 @@ def validate(
     ValueError
         Where the calibration lacks a camera, or the name cannot stand in results.
     """
-    expected.one_of("refraction", refraction, REFRACTION)
     if not method or "/" in method:
         raise ValueError(f"method: expected a name without '/', got {method!r}")
     try:
-        return _validated(block, calibration, method, refraction)
+        return _validated(block, direct.georeference(block, calibration, model), method)
     except np.linalg.LinAlgError as error:
         where = f"the equations of the check points{standing_out(block)}"
         raise unsolvable(str(error), where) from error
 
 
-def _validated(block: Block, calibration: Calibration, method: str, refraction: str) -> Validation:
-    georeferenced = direct.georeference(block, calibration)
-    selected, misfits, stopped = _without_misfits(block, georeferenced, refraction)
-    selected, absurd, nowhere = _without_absurd(block, georeferenced, selected, refraction)
-    (rays, idx), n_failed = _pairs(block, georeferenced, selected)
-    pairs, paired, _ = _compared(block, georeferenced, rays, idx, refraction)
+def _validated(block: Block, georeferenced: Georeferenced, method: str) -> Validation:
+    rows, selected = _check_measurements(block)
+    kept, w = _fitting(block, georeferenced, selected)
+    unfit = [
+        Rejection(kind="image_point", row=int(row), component=-1, statistic=float(statistic))
+        for row, statistic in zip(rows[~kept], w[~kept], strict=True)
+    ]
+    rejected, stopped = within_limits(block, rows, unfit)
+    kept = ~np.isin(rows, [r.row for r in rejected])
+    selected = selected.select(np.flatnonzero(kept), selected.group[kept])
+    measurement = direct.measured(block, georeferenced, selected)
+    absurd = elsewhere(
+        measurement.T_m_c.r, directions(measurement), selected.group, block.check.x_m
+    )
+    if absurd.any():
+        nowhere = differences_at(block, georeferenced, *_renumbered(selected, absurd))
+        w = np.max(np.abs(nowhere.d) / nowhere.sigma, axis=1)
+        rejected += tuple(
+            Rejection(kind="control_point", row=int(i), component=-1, statistic=float(statistic))
+            for i, statistic in zip(nowhere.point_idx, w, strict=True)
+        )
+        credible = np.flatnonzero(~absurd[selected.group])
+        selected = selected.select(credible, selected.group[credible])
+    rays, idx, n_failed = _pairs(block, georeferenced, selected)
+    pairs, paired, _ = _compared(block, georeferenced, rays, idx)
     met = np.zeros(len(block.check), dtype=bool)
     met[: selected.n_groups] = _meet(direct.measured(block, georeferenced, selected), selected)
     rays, idx = _renumbered(selected, met)
-    at_points, compared, rays = _compared(block, georeferenced, rays, idx, refraction)
+    at_points, compared, rays = _compared(block, georeferenced, rays, idx)
     met[idx[~compared]] = False
     return Validation(
         method=method,
@@ -193,11 +241,11 @@ def _validated(block: Block, calibration: Calibration, method: str, refraction: 
         georeferenced=georeferenced,
         pairs=pairs,
         points=at_points,
-        rejected=misfits + nowhere,
+        rejected=rejected,
         stopped=stopped,
         n_failed=n_failed + int(np.sum(~paired)),
         n_left_out=int(np.sum(~met & ~absurd)),
-        cost=cost(block, georeferenced, rays, refraction=refraction),
+        cost=cost(block, georeferenced, rays),
         redundancy=rays.colrow.size - 3 * rays.n_groups,
         joint_chi_square=error_sources.chi_square(at_points.sources, at_points.d),
         mean_cov=error_sources.mean_covariance(at_points.sources),
@@ -211,47 +259,17 @@ def _check_measurements(block: Block) -> tuple[Index, Rays]:
     points = block.image_points
     rows = np.flatnonzero((check_idx[points.point_idx] >= 0) & np.isfinite(points.sigma_px))
     rows = rows[np.lexsort((points.image_idx[rows], check_idx[points.point_idx[rows]]))]
-    return rows, Rays(
-        image_idx=points.image_idx[rows],
-        group=check_idx[points.point_idx[rows]],
-        colrow=points.colrow[rows],
-        sigma_px=points.sigma_px[rows],
+    return rows, _rays(block, rows, check_idx[points.point_idx[rows]])
+
+
+def _rays(block: Block, rows: Index, group: Index) -> Rays:
+    points = block.image_points[rows]
+    return Rays(
+        image_idx=points.image_idx, group=group, colrow=points.colrow, sigma_px=points.sigma_px
     )
 
 
-def _without_misfits(
-    block: Block, georeferenced: Georeferenced, refraction: str
-) -> tuple[Rays, tuple[Rejection, ...], tuple[Stopped, ...]]:
-    """Return the measurements that fit their point, the rejections and the stopped groups."""
-    rows, selected = _check_measurements(block)
-    kept, statistic = _fitting(block, georeferenced, selected, refraction)
-    unfit = [
-        Rejection(kind="image_point", row=int(row), component=-1, statistic=float(w))
-        for row, w in zip(rows[~kept], statistic[~kept], strict=True)
-    ]
-    rejected, stopped = within_limits(block, rows, unfit)
-    kept = ~np.isin(rows, [r.row for r in rejected])
-    return selected.select(np.flatnonzero(kept), selected.group[kept]), rejected, stopped
-
-
-def _without_absurd(
-    block: Block, georeferenced: Georeferenced, selected: Rays, refraction: str
-) -> tuple[Rays, Mask, tuple[Rejection, ...]]:
-    """Return the rays of credible check points, the mask of absurd ones and their rejections."""
-    measurement = direct.measured(block, georeferenced, selected)
-    absurd = elsewhere(
-        measurement.T_m_c.r, directions(measurement), selected.group, block.check.x_m
-    )
-    if not absurd.any():
-        return selected, absurd, ()
-    rejected = _surveyed_nowhere(block, georeferenced, selected, absurd, refraction)
-    kept = ~absurd[selected.group]
-    return selected.select(np.flatnonzero(kept), selected.group[kept]), absurd, rejected
-
-
-def _fitting(
-    block: Block, georeferenced: Georeferenced, selected: Rays, refraction: str
-) -> tuple[Mask, Array]:
+def _fitting(block: Block, georeferenced: Georeferenced, selected: Rays) -> tuple[Mask, Array]:
     """Return the mask of rays that fit the others of their point, and w of the rejected rays."""
     kept = np.ones(len(selected.group), dtype=bool)
     statistic = np.zeros(len(selected.group))
@@ -261,8 +279,7 @@ def _fitting(
         if len(testable) == 0:
             return kept, statistic
         _, group = np.unique(selected.group[testable], return_inverse=True)
-        tested = selected.select(testable, group)
-        w = of(block, georeferenced, tested, refraction=refraction)
+        w = normalised_residuals(block, georeferenced, selected.select(testable, group))
         worst = np.zeros(group.max() + 1)
         np.maximum.at(worst, group, w)
         out = (w == worst[group]) & (w > CRITICAL)
@@ -272,56 +289,32 @@ def _fitting(
         statistic[testable[out]] = w[out]
 
 
-def _surveyed_nowhere(
-    block: Block,
-    georeferenced: Georeferenced,
-    selected: Rays,
-    absurd: Mask,
-    refraction: str,
-) -> tuple[Rejection, ...]:
-    """Return the rejections of check points, each with the largest of its three w."""
-    rays, idx = _renumbered(selected, absurd)
-    differences = differences_at(block, georeferenced, rays, idx, refraction)
-    w = np.max(np.abs(differences.d) / differences.sigma, axis=1)
-    return tuple(
-        Rejection(kind="control_point", row=int(i), component=-1, statistic=float(statistic))
-        for i, statistic in zip(idx, w, strict=True)
-    )
-
-
-def _pairs(
-    block: Block, georeferenced: Georeferenced, selected: Rays
-) -> tuple[tuple[Rays, Index], int]:
-    """Return the pairs of rays of each point that meet at a sufficient angle; count the others."""
-    a, b = error_sources.pairs_within(selected.group)
-    group = np.repeat(np.arange(len(a)), 2)
-    paired = selected.select(np.column_stack([a, b]).ravel(), group)
+def _pairs(block: Block, georeferenced: Georeferenced, selected: Rays) -> tuple[Rays, Index, int]:
+    """Return the pairs of rays that meet at a sufficient angle, their points; count the others."""
+    pairs = np.column_stack(error_sources.pairs_within(selected.group))
+    group = np.repeat(np.arange(len(pairs)), 2)
+    paired = selected.select(pairs.ravel(), group)
     measurement = direct.measured(block, georeferenced, paired)
-    angle = largest_angles(directions(measurement), group, len(a))
+    angle = largest_angles(directions(measurement), group, len(pairs))
     good = (angle >= block.smallest_angle) & _meet(measurement, paired)
-    rows = np.column_stack([a[good], b[good]]).ravel()
     group = np.repeat(np.arange(int(good.sum())), 2)
-    return (selected.select(rows, group), selected.group[a[good]]), int(np.sum(~good))
+    points = selected.group[pairs[good, 0]]
+    return selected.select(pairs[good].ravel(), group), points, int(np.sum(~good))
 
 
 def _compared(
-    block: Block,
-    georeferenced: Georeferenced,
-    rays: Rays,
-    idx: Index,
-    refraction: str,
+    block: Block, georeferenced: Georeferenced, rays: Rays, idx: Index
 ) -> tuple[Differences, Mask, Rays]:
     """Return finite differences of groups of rays, the mask of these groups, and their rays.
 
     Rays that are almost parallel may meet where the map ends, or nowhere in numbers.
     """
-    differences = differences_at(block, georeferenced, rays, idx, refraction)
+    differences = differences_at(block, georeferenced, rays, idx)
     known: Mask = np.isfinite(np.hstack([differences.d, differences.sigma])).all(axis=1)
     if known.all():
         return differences, known, rays
-    rows = np.flatnonzero(known[rays.group])
-    rays = rays.select(rows, (np.cumsum(known) - 1)[rays.group[rows]])
-    return differences_at(block, georeferenced, rays, idx[known], refraction), known, rays
+    rays, _ = _renumbered(rays, known)
+    return differences_at(block, georeferenced, rays, idx[known]), known, rays
 
 
 def _meet(measurement: Measurement, selected: Rays) -> Mask:
@@ -335,7 +328,7 @@ def _meet(measurement: Measurement, selected: Rays) -> Mask:
 
 
 def _renumbered(selected: Rays, keep: Mask) -> tuple[Rays, Index]:
-    """Return the rays of some check points, with new group numbers, and these points."""
+    """Return the rays of some groups, with new group numbers, and these groups."""
     rows = np.flatnonzero(keep[selected.group])
     points, group = np.unique(selected.group[rows], return_inverse=True)
     return selected.select(rows, group), points
@@ -379,7 +372,6 @@ def differences_at(
     georeferenced: Georeferenced,
     selected: Rays,
     check_idx: Index,
-    refraction: str,
 ) -> Differences:
     """Intersect groups of rays, and compare every intersection with its check point.
 
@@ -391,10 +383,8 @@ def differences_at(
         At least one ray in every group.
     check_idx : ndarray, shape (n_groups,)
         Indices into `block.check`.
-    refraction : str
-        ``"none"`` or ``"standard"``.
     """
-    intersections = direct.intersect_rays(block, georeferenced, selected, refraction=refraction)
+    intersections = direct.intersect_rays(block, georeferenced, selected)
     d, sigma = compare(block, intersections.x_m, intersections.cov, check_idx)
     groups = np.arange(len(check_idx))
     starts = np.searchsorted(selected.group, groups)
@@ -430,10 +420,6 @@ def compare(block: Block, x_m: Array, cov: Array, check_idx: Index) -> tuple[Arr
     d, sigma : ndarray, shape (n, 3)
         East, north, height in the flight's CRS, m; sigma includes that of the survey.
     """
-    x_m = expected.numbers("x_m", x_m, ("n", 3))
-    expected.shape("cov", cov, (len(x_m), 3, 3))
-    expected.shape("check_idx", check_idx, (len(x_m),))
-    expected.places("check_idx", check_idx, len(block.check))
     check: SurveyedPoints = block.check[check_idx]
     met = np.isfinite(x_m).all(axis=1)
     d = np.full((len(x_m), 3), np.nan)
@@ -458,106 +444,62 @@ def rays_of_pairs(block: Block, pairs: Differences, which: Sequence[int] | None 
     keys = zip(points.image_idx.tolist(), points.point_idx.tolist(), strict=True)
     row_of = {key: row for row, key in enumerate(keys)}
     chosen = np.arange(len(pairs)) if which is None else np.asarray(which, dtype=np.intp)
-    shown = block.check.point_idx[pairs.point_idx]
-    rows = [row_of[int(i), int(shown[k])] for k in chosen for i in pairs.image_idx[k]]
-    return Rays(
-        image_idx=points.image_idx[rows],
-        group=np.repeat(np.arange(len(chosen)), 2),
-        colrow=points.colrow[rows],
-        sigma_px=points.sigma_px[rows],
-    )
+    point = block.check.point_idx[pairs.point_idx]
+    rows = [row_of[int(i), int(point[k])] for k in chosen for i in pairs.image_idx[k]]
+    return _rays(block, np.array(rows, dtype=np.intp), np.repeat(np.arange(len(chosen)), 2))
 
 
 # --- Tests of the rays of a point against each other, within errors of pixels and trajectory
 
 
-CONTROLLED = 1e-6
-"""A residual with a smaller share of its variance is not tested: no other observation checks it."""
-
-
-def of(
-    block: Block, georeferenced: Georeferenced, selected: Rays, *, refraction: str = "none"
-) -> Array:
+def normalised_residuals(block: Block, georeferenced: Georeferenced, selected: Rays) -> Array:
     """Test rays against the others of their group, with weights that include the trajectory's.
 
-    Exposures are independent, unless the trajectory's errors change slowly: then all rays of a
-    group have their joint covariance. Errors common to several groups have no effect.
+    All rays of a group have their joint covariance, and the point moves linearly. Errors common to
+    several groups have no effect.
 
     Parameters
     ----------
     block : Block
     georeferenced : Georeferenced
     selected : Rays
-    refraction : str
-        ``"none"`` or ``"standard"``.
 
     Returns
     -------
     w : ndarray, shape (n,)
-        The larger of the two normalised residuals of every ray; zero where not controlled.
+        The larger of the two normalised residuals of every ray; zero where no other observation
+        controls it.
 
     Notes
     -----
     Baarda's test for correlated observations: w = (P v)_i / sqrt((P Q_vv P)_ii).
     """
-    first = direct.intersect_rays(block, georeferenced, selected, refraction=refraction)
-    if georeferenced.shared is not None:
-        exposure = block.images.exposure_idx[selected.image_idx]
-        return _together(first, selected, exposure, georeferenced.cov_body, georeferenced.shared)
-    P = np.linalg.inv(first.cov_v)
-    fit = direct.intersect_rays(block, georeferenced, selected, weights=P, refraction=refraction)
-    return _one_by_one(P, fit, selected)
-
-
-def _one_by_one(P: Array, fit: Intersections, selected: Rays) -> Array:
-    """Test rays whose misclosures are independent."""
-    B = fit.by_point
-    normal = np.zeros((selected.n_groups, 3, 3))
-    np.add.at(normal, selected.group, np.swapaxes(B, 1, 2) @ P @ B)
-    cov_v = fit.cov_v - B @ np.linalg.inv(normal)[selected.group] @ np.swapaxes(B, 1, 2)
-    Pv = np.einsum("nij,nj->ni", P, fit.v)
-    w = _normalised(Pv, np.diagonal(P @ cov_v @ P, axis1=1, axis2=2), _diagonal(P))
-    return w.max(axis=1)
-
-
-def _together(
-    first: Intersections, selected: Rays, exposure: Index, cov_body: Array, shared: SharedErrors
-) -> Array:
-    """Test the rays of every group with their joint covariance; points move linearly."""
+    first = direct.intersect_rays(block, georeferenced, selected)
+    exposure = block.images.exposure_idx[selected.image_idx]
     w = np.zeros(len(selected.group))
     starts = np.searchsorted(selected.group, np.arange(selected.n_groups + 1))
     for start, end in pairwise(starts):
         rows = slice(start, end)
-        B, e = first.by_point[rows].reshape(-1, 3), exposure[rows]
-        C = direct.by_trajectory(first.by_body[rows], e, cov_body, shared)
+        B = first.by_point[rows].reshape(-1, 3)
+        C = direct.by_trajectory(first.by_body[rows], exposure[rows], georeferenced)
         P = np.linalg.inv(C + np.diag(np.repeat(selected.sigma_px[rows] ** 2, 2)))
         PB, v = P @ B, first.v[rows].ravel()
         inverse = np.linalg.inv(B.T @ PB)
         Pv = P @ (v - B @ (inverse @ (PB.T @ v)))
         variance = np.diag(P) - np.einsum("ij,jk,ik->i", PB, inverse, PB)
-        w[rows] = _normalised(Pv, variance, np.diag(P)).reshape(-1, 2).max(axis=1)
+        controlled = variance > 1e-6 * np.diag(P)
+        of_each = np.abs(Pv) / np.sqrt(np.where(controlled, variance, np.inf))
+        w[rows] = np.nan_to_num(of_each).reshape(-1, 2).max(axis=1)
     return w
 
 
-def _normalised(Pv: Array, variance: Array, weight: Array) -> Array:
-    """Return |P v| by its own standard deviation, zero where a residual is not controlled."""
-    controlled = variance > CONTROLLED * weight
-    return np.nan_to_num(np.abs(Pv) / np.sqrt(np.where(controlled, variance, np.inf)))
-
-
-def _diagonal(P: Array) -> Array:
-    return np.diagonal(P, axis1=1, axis2=2)
-
-
-def cost(
-    block: Block, georeferenced: Georeferenced, selected: Rays, *, refraction: str = "none"
-) -> float:
+def cost(block: Block, georeferenced: Georeferenced, selected: Rays) -> float:
     """Return the weighted sum of squares of all residuals, with the common errors of rays.
 
     Parameters
     ----------
-    block, georeferenced, selected, refraction
-        As `of` takes them.
+    block, georeferenced, selected
+        As `normalised_residuals` takes them.
 
     Returns
     -------
@@ -572,7 +514,9 @@ def cost(
     derivatives by these errors, and N = A^T P Q_vv P A the normal matrix reduced by the points. The
     least sum is v^T P v - b^T S (I + N S)^-1 b, with b = A^T P v.
     """
-    fit = direct.intersect_rays(block, georeferenced, selected, refraction=refraction)
+    from scipy.sparse.linalg import splu  # noqa: PLC0415 loads long, and planning solves nothing
+
+    fit = direct.intersect_rays(block, georeferenced, selected)
     n, sigma = len(selected.group), selected.sigma_px[:, None]
     if n == 0:
         return 0.0
@@ -581,46 +525,27 @@ def cost(
     by_body = block_matrix(fit.by_body / sigma[:, None], rows, place, (n, len(used)))
     by_parameters = (fit.by_parameters / sigma[:, None]).reshape(2 * n, -1)
     A = sparse.hstack([by_body, sparse.csr_array(by_parameters)], format="csr")
-    N, b = _beside_points(A, fit.by_point / sigma[:, None], selected), A.T @ v
-    return float(v @ v - _explained(N, b, georeferenced, used))
-
-
-def _beside_points(A: sparse.csr_array, by_point: Array, selected: Rays) -> sparse.csr_array:
-    """Return A^T A reduced by the points."""
-    groups = np.arange(selected.n_groups)
     normal = np.zeros((selected.n_groups, 3, 3))
-    np.add.at(normal, selected.group, np.swapaxes(by_point, 1, 2) @ by_point)
-    shape = (len(selected.group), selected.n_groups)
-    by_points = block_matrix(by_point, np.arange(shape[0]), selected.group, shape)
-    inverse = block_matrix(np.linalg.inv(normal), groups, groups, (shape[1], shape[1]))
-    moved = A.T @ by_points
-    return (A.T @ A - moved @ inverse @ moved.T).tocsr()
-
-
-def _explained(N: sparse.csr_array, b: Array, georeferenced: Georeferenced, used: Index) -> float:
-    """Return b^T S (I + N S)^-1 b, S of the poses of some exposures and of the calibration."""
-    from scipy.sparse.linalg import splu  # noqa: PLC0415 loads long, and planning solves nothing
-
-    g, n = georeferenced, len(used)
-    if g.shared is not None:
-        first, second = (i.ravel() for i in np.indices((n, n)))
-        poses = g.shared.between(used[first], used[second])
-        poses[first == second] = g.cov_body[used]
-        cov_poses = block_matrix(poses, first, second, (n, n))
-        S = sparse.block_diag([cov_poses, g.cov_parameters], format="csr")
-        inner = np.eye(len(b)) + (N @ S).toarray()
-        return float(np.asarray(S @ b) @ np.linalg.solve(inner, b))
-    each = np.arange(n)
-    by_pose = block_matrix(half(g.cov_body[used]), each, each, (n, n))
-    H = sparse.block_diag([by_pose, half(g.cov_parameters)], format="csr")
-    joint = (sparse.eye_array(len(b)) + H.T @ N @ H).tocsc()
-    right = np.asarray(H.T @ b)
+    B = fit.by_point / sigma[:, None]
+    np.add.at(normal, selected.group, np.swapaxes(B, 1, 2) @ B)
+    groups = np.arange(selected.n_groups)
+    by_points = block_matrix(B, rows, selected.group, (n, len(groups)))
+    inverse = block_matrix(np.linalg.inv(normal), groups, groups, (len(groups),) * 2)
+    moved, b = A.T @ by_points, A.T @ v
+    N = A.T @ A - moved @ inverse @ moved.T
+    # S: of the poses of these exposures, independent or all together, and of the calibration
+    first, second = np.indices((len(used),) * 2).reshape(2, -1)
+    if georeferenced.shared is None:
+        first, second = first[first == second], second[first == second]
+    poses = georeferenced.between(used[first], used[second])
+    cov_poses = block_matrix(poses, first, second, (len(used),) * 2)
+    S = sparse.block_diag([cov_poses, georeferenced.cov_parameters], format="csr")
     with processors.on_one_thread():
         try:
-            whole = splu(joint, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0)
+            joint = splu((sparse.eye_array(len(b)) + N @ S).tocsc())
         except RuntimeError as error:  # SuperLU has no error of its own
             raise np.linalg.LinAlgError(str(error)) from error
-        return float(right @ whole.solve(right))
+        return float(v @ v - np.asarray(S @ b) @ joint.solve(b))
 
 
 # --- Exposures that took no part in a calibration, predicted by it: a test without check points
@@ -694,26 +619,17 @@ class Prediction:
         return two_sided_p(self.effective * self.sigma0_sq, self.effective)
 
     @property
-    def sentence(self) -> str:
-        """A sentence on the fit of the exposures."""
-        exposures = self.bundle.network.exposure_idx[self._seen]
-        n, east_north_height = len(np.unique(exposures)), self.position_rms_m
-        rms = ", ".join(f"{value:.2f}" for value in east_north_height)
-        return (
-            f"there are no check points; {shown.count(n, 'exposure')} that took no part in the "
-            f"calibration: rays meet within {self.rays_rms_px:.2f} px, positions are off by {rms} "
-            f"m (east, north, height; RMS), variance of unit weight "
-            f"{self.sigma0_sq:.3f} (p of chi-square {self.chi_square_p:.3f})"
-        )
+    def n_exposures(self) -> int:
+        """Number of exposures with measurements."""
+        return len(np.unique(self.bundle.network.exposure_idx[self._seen]))
 
 
 def predict(
     block: Block,
     calibration: Calibration,
+    model: Model = Model(),
     *,
     method: str,
-    refraction: str = "none",
-    gnss: Sequence[str] = (),
 ) -> Prediction:
     """Adjust a block with its cameras held at a calibration, to test the calibration.
 
@@ -726,12 +642,10 @@ def predict(
         A block with tie points that took no part in the calibration.
     calibration : Calibration
         Its cameras in the order of the block's.
+    model : Model
+        Refraction, and the errors of this block's own trajectory to estimate.
     method : str
         Name of the calibration in the results; it has no other effect.
-    refraction : str
-        ``"none"`` or ``"standard"``.
-    gnss : sequence of str
-        Errors of this block's own trajectory to estimate, as in `adjust.mounted_orientation`.
 
     Raises
     ------
@@ -748,7 +662,8 @@ def predict(
     parameter is then an unknown and an observation: the redundancy is the same.
     """
     held = tuple(replace(camera, prior=Prior()) for camera in calibration.cameras)
-    network = partial(mounted_orientation, free=(), free_mount=(), refraction=refraction, gnss=gnss)
+    cameras_held = replace(model, free=(), fix=("lever_arm", "boresight"))
+    network = partial(mounted_orientation, model=cameras_held)
     block = replace(block, cameras=held)
     bundle = adjust_rejecting(block, network)
     if calibration.turns is not None:

@@ -383,11 +383,15 @@ def _scale(P: Array, scale: Array) -> None:
     P *= ahead
 
 
+BLOCK = 96
+"""Columns that are inverted together."""
+
+
 def _selected_inverse(factor: Array, scale: Array, X: Array, D: Array) -> Array:
     """Return the band of S (U^T U)^-1 S + X D X^T, shape (n_poses, band, 6, 6).
 
-    Takahashi's recursion over square blocks as wide as the band, from the last to the first:
-    with ``G = U_00^-1 U_01``, ``Z_01 = -G Z_11`` and ``Z_00 = (U_00^T U_00)^-1 - Z_01 G^T``.
+    Takahashi's recursion over blocks of a few poses, from the last to the first: with
+    ``G = U_00^-1 U_01``, ``Z_01 = -G Z_11`` and ``Z_00 = (U_00^T U_00)^-1 - Z_01 G^T``.
 
     Parameters
     ----------
@@ -400,20 +404,22 @@ def _selected_inverse(factor: Array, scale: Array, X: Array, D: Array) -> Array:
     """
     n, width = factor.shape
     out = np.zeros((n // 6, width // 6, 6, 6))
-    size = max(width - 6, 6)
+    size = max(min(BLOCK, width - 6), 6)
     XD, Z_11 = X @ D, np.zeros((0, 0))
     for start in reversed(range(0, n, size)):
         stop = min(start + size, n)
-        here, ahead = slice(start, stop), slice(stop, min(stop + size, n))
+        here, ahead = slice(start, stop), slice(stop, min(stop + width - 6, n))
         L_00, L_10 = _factor_block(factor, here, ahead)
         G = scipy.linalg.blas.dtrsm(1.0, L_00, L_10, side=1, lower=1).T if L_10.size else L_10.T
+        Z_11 = Z_11[: ahead.stop - stop, : ahead.stop - stop]
         Z_01 = -G @ Z_11
         lower, _ = scipy.linalg.lapack.dpotri(L_00, lower=1)
-        Z_11 = np.where(np.tri(len(lower), dtype=bool), lower, lower.T) - Z_01 @ G.T
-        rows = np.zeros((stop - start, stop - start + size))
+        Z_00 = np.where(np.tri(len(lower), dtype=bool), lower, lower.T) - Z_01 @ G.T
+        Z_11 = np.block([[Z_00, Z_01], [Z_01.T, Z_11]])
+        rows = np.zeros((stop - start, stop - start + width - 6))
         used = slice(start, ahead.stop)
         part = rows[:, : ahead.stop - start]
-        np.concatenate([Z_11, Z_01], axis=1, out=part)
+        part[:] = Z_11[: stop - start]
         part *= scale[here, None]
         part *= scale[used]
         part += XD[here] @ X[used].T

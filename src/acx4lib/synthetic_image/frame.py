@@ -68,7 +68,6 @@ class Coverage:
 
 def head_pose(orientation: RelativeOrientation, k: int) -> Pose:
     """Return T_s_h of a head, mm."""
-    expected.places("k", k, len(orientation.heads))
     return Pose(R=rotation_from_opk(orientation.opk[k]), r=orientation.xyz_mm[k])
 
 
@@ -139,8 +138,6 @@ def footprint(orientation: RelativeOrientation, k: int, *, per_side: int = 1) ->
 
     It follows the outer pixel edges from the upper-left corner clockwise, and is closed.
     """
-    expected.places("k", k, len(orientation.heads))
-    expected.whole("per_side", per_side)
     camera = orientation.heads[k]
     w, h = camera.width_px, camera.height_px
     corners = np.array([[0, 0], [w, 0], [w, h], [0, h], [0, 0]]) - 0.5
@@ -187,7 +184,6 @@ def coverage(
     orientation: RelativeOrientation, synthetic: Camera, *, spacing_px: int = 60
 ) -> Coverage:
     """Return the visibility of the synthetic image in the heads, on a grid over all of it."""
-    expected.whole("spacing_px", spacing_px)
     w, h = synthetic.width_px, synthetic.height_px
     cols = np.linspace(0, w - 1, max(w // spacing_px, 1) + 1)
     rows = np.linspace(0, h - 1, max(h // spacing_px, 1) + 1)
@@ -259,18 +255,12 @@ class Parallax:
 
     Attributes
     ----------
-    base_m, height_m : ndarray, shape (n,)
-    relief_m : ndarray, shape (m,)
-        Height of ground above the level for which the heads were refined; negative below.
     shift_px : ndarray, shape (n,)
         Over flat ground.
     change_px : ndarray, shape (n, m)
         Of ground with the relief.
     """
 
-    base_m: Array
-    height_m: Array
-    relief_m: Array
     shift_px: Array
     change_px: Array
 
@@ -333,31 +323,19 @@ def parallax(synthetic: Camera, base_m: Array, height_m: Array, relief_m: Array)
     base_m, height_m : ndarray, shape (n,)
         Row by row; the height over the ground.
     relief_m : ndarray, shape (m,)
+        Height of ground above the level for which the heads were refined; negative below.
 
     Returns
     -------
     Parallax
         NaN where a height is not above the ground, or not above its relief.
     """
-    base_m, height_m = np.asarray(base_m, float), np.asarray(height_m, float)
-    if base_m.shape != height_m.shape and 1 not in (base_m.size, height_m.size):
-        msg = (
-            "base_m and height_m: expected as many of either, got "
-            f"{base_m.shape} and {height_m.shape}"
-        )
-        raise ValueError(msg)
-    base_m, height_m = np.broadcast_arrays(base_m, height_m)
-    relief_m = expected.numbers("relief_m", relief_m, ("m",))
+    base_m, height_m, relief_m = (np.asarray(a, float) for a in (base_m, height_m, relief_m))
     height_m = np.where(height_m > 0, height_m, np.nan)
     clear_m = height_m[:, None] - relief_m
     shift = synthetic.interior.f / synthetic.pixel_mm * base_m / height_m
-    return Parallax(
-        base_m=base_m,
-        height_m=height_m,
-        relief_m=relief_m,
-        shift_px=shift,
-        change_px=shift[:, None] * relief_m / np.where(clear_m > 0, clear_m, np.nan),
-    )
+    change = shift[:, None] * relief_m / np.where(clear_m > 0, clear_m, np.nan)
+    return Parallax(shift_px=shift, change_px=change)
 
 
 def bases(heads: Sequence[Camera]) -> Array:

@@ -60,16 +60,6 @@ class TransferredPoints:
     sigma_px: Array
     n_left_out: int = 0
 
-    def __post_init__(self) -> None:
-        expected.shape("exposure_idx", self.exposure_idx)
-        n = len(self.exposure_idx)
-        expected.shape("point_idx", self.point_idx, (n,))
-        expected.shape("camera_idx", self.camera_idx, (n,))
-        for name in ("colrow", "sigma_px"):
-            expected.shape(name, getattr(self, name), (n, 2))
-            expected.finite(name, getattr(self, name))
-        expected.positive("sigma_px", self.sigma_px)
-
     def __repr__(self) -> str:
         """Summarize the points in one line."""
         exposures = shown.count(len(np.unique(self.exposure_idx)), "exposure")
@@ -121,7 +111,9 @@ def transfer(
     ValueError
         Where a camera of the block is no head.
     """
-    heads = _numbers_of_heads(block, orientation)
+    names = [head.name for head in orientation.heads]
+    expected.names_of("heads", [camera.name for camera in block.cameras], names)
+    heads = np.array([names.index(camera.name) for camera in block.cameras], dtype=np.intp)
     rows = _nearest_to_the_middle(block, heads, orientation.heads)
     points = block.image_points[rows]
     camera_idx = block.images.camera_idx[points.image_idx]
@@ -152,15 +144,6 @@ def _by_turns(synthetic: Camera, colrow: Array, turns: Array) -> Array:
     (x, y), f = xy_from_colrow(synthetic, colrow).T, synthetic.interior.f
     J = np.array([[x * y / f, f + x**2 / f, y], [f + y**2 / f, x * y / f, x]])  # signs apart
     return np.sqrt(np.square(J).transpose(2, 0, 1) @ turns**2) / synthetic.pixel_mm
-
-
-def _numbers_of_heads(block: Block, orientation: RelativeOrientation) -> Index:
-    """Return the number in `orientation` of every camera of a block."""
-    names = [head.name for head in orientation.heads]
-    unknown = [camera.name for camera in block.cameras if camera.name not in names]
-    if unknown:
-        raise ValueError(f"block {block.name!r}: no orientation of {', '.join(unknown)}")
-    return np.array([names.index(camera.name) for camera in block.cameras], dtype=np.intp)
 
 
 def _nearest_to_the_middle(block: Block, heads: Index, cameras: Sequence[Camera]) -> Index:

@@ -48,62 +48,25 @@ def _centred(a: Array, col: int, row: int, half: int, out: Array) -> np.float32:
 
 
 @inlined
-def _around(b: Array, col: int, row: int, reach: int, out: Array) -> None:
-    """Fill in grey values less the middle one, so that sums of their squares keep their digits."""
-    level = b[row, col]
-    for j in range(2 * reach + 1):
-        for i in range(2 * reach + 1):
-            out[j, i] = b[row - reach + j, col - reach + i] - level
-
-
-@inlined
-def _scores(
-    window: Array, energy: np.float32, patch: Array, columns: Array, product: Array, score: Array
-) -> bool:
-    """Fill in the coefficient of every place in a patch; return whether all of it are numbers.
-
-    Sums over a window's columns serve all places of a row: each next place adds a column at its
-    right and drops the one at its left.
-    """
+def _scores(window: Array, energy: np.float32, patch: Array, sums: Array, score: Array) -> bool:
+    """Fill in the coefficient of every place in a patch; return whether all of it are numbers."""
     side, places = len(window), len(score)
     count = np.float32(side * side)
     good = True
     for y in range(places):
-        product[:] = 0
-        columns[:] = 0
+        sums[:] = 0
         for j in range(side):
-            for i in range(len(patch)):
-                value = patch[y + j, i]
-                columns[0, i] += value
-                columns[1, i] += value * value
             for i in range(side):
-                weight = window[j, i]
                 for x in range(places):
-                    product[x] += weight * patch[y + j, i + x]
-        total, squares = np.float32(0), np.float32(0)
-        for i in range(side - 1):
-            total += columns[0, i]
-            squares += columns[1, i]
+                    value = patch[y + j, i + x]
+                    sums[0, x] += window[j, i] * value
+                    sums[1, x] += value
+                    sums[2, x] += value * value
         for x in range(places):
-            total += columns[0, x + side - 1]
-            squares += columns[1, x + side - 1]
-            spread = squares - total * total / count
-            score[y, x] = product[x] / np.sqrt(energy * spread) if spread > 0 else -1.0
-            total -= columns[0, x]
-            squares -= columns[1, x]
-            good = good and not (np.isnan(score[y, x]) or np.isnan(squares))
+            spread = sums[2, x] - sums[1, x] * sums[1, x] / count
+            score[y, x] = sums[0, x] / np.sqrt(energy * spread) if spread > 0 else -1.0
+            good = good and not np.isnan(score[y, x] + spread)
     return good
-
-
-@inlined
-def _highest(score: Array) -> tuple[int, int]:
-    """Return the column and the row of the first maximum."""
-    best, best_x, best_y = score[0, 0], 0, 0
-    for y in range(len(score)):
-        for x in range(len(score)):
-            if score[y, x] > best:
-                best, best_x, best_y = score[y, x], x, y
-    return best_x, best_y
 
 
 @compiled
@@ -137,8 +100,7 @@ def correlate_points(
     found, coefficient = np.full((n, 2), np.nan), np.full(n, np.nan)
     window = np.empty((side, side), np.float32)
     patch = np.empty((2 * reach + 1, 2 * reach + 1), np.float32)
-    columns = np.empty((2, 2 * reach + 1), np.float32)
-    product = np.empty(places, np.float32)
+    sums = np.empty((3, places), np.float32)
     score = np.empty((places, places), np.float32)
     for p in range(n):
         col, row, ncol, nrow = at[p, 0], at[p, 1], near[p, 0], near[p, 1]
@@ -147,10 +109,14 @@ def correlate_points(
         energy = _centred(a, col, row, half, window)
         if not energy > 0:
             continue
-        _around(b, ncol, nrow, reach, patch)
-        if not _scores(window, energy, patch, columns, product, score):
+        level = b[nrow, ncol]  # so that sums of squares keep their digits
+        for j in range(2 * reach + 1):
+            for i in range(2 * reach + 1):
+                patch[j, i] = b[nrow - reach + j, ncol - reach + i] - level
+        if not _scores(window, energy, patch, sums, score):
             continue
-        x, y = _highest(score)
+        best = score.argmax()
+        x, y = best % places, best // places
         coefficient[p] = score[y, x]
         if 0 < x < places - 1 and 0 < y < places - 1:
             along_x = _peak(score[y, x - 1], score[y, x], score[y, x + 1])
@@ -160,32 +126,7 @@ def correlate_points(
     return found, coefficient
 
 
-@compiled
-def weakest_gradients(image: Array, at: Index, half: int) -> Array:
-    """Return the mean squared derivative of windows in its weakest direction, shape (n,).
-
-    From central differences; NaN where a window is not whole.
-    """
-    out = np.full(len(at), np.nan)
-    size = (2 * half + 1) ** 2
-    for p in range(len(at)):
-        col, row = at[p, 0], at[p, 1]
-        if not _window_inside(image, col, row, half + 1):
-            continue
-        xx, xy, yy = 0.0, 0.0, 0.0
-        for r in range(row - half, row + half + 1):
-            for c in range(col - half, col + half + 1):
-                gx = np.float64(image[r, c + 1] - image[r, c - 1]) / 2
-                gy = np.float64(image[r + 1, c] - image[r - 1, c]) / 2
-                xx += gx * gx
-                xy += gx * gy
-                yy += gy * gy
-        root = np.sqrt((xx - yy) * (xx - yy) + 4 * xy * xy)
-        out[p] = (xx + yy - root) / (2 * size)
-    return out
-
-
-# --- grey values, and cubic splines through them ----------------------------------------------
+# --- cubic splines through grey values ---------------------------------------------------------
 
 
 @inlined
@@ -198,17 +139,17 @@ def _spline_weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32, 
     return first, np.float32(1) - first - third - last, third, last
 
 
-@compiled
-def mean_of_bands(image: Array, out: Array) -> None:
-    """Fill `out` with the means of an image's bands, (rows, cols, bands)."""
-    bands = image.shape[2]
-    share = np.float32(1) / np.float32(bands)
-    for row in range(image.shape[0]):
-        for col in range(image.shape[1]):
-            total = np.float32(0)
-            for band in range(bands):
-                total += np.float32(image[row, col, band])
-            out[row, col] = total * share
+@inlined
+def _spline(b: Array, col: int, row: int, x: np.float32, y: np.float32) -> np.float32:
+    """Return the value of a spline with coefficients b, a fraction x, y after a whole pixel."""
+    x0, x1, x2, x3 = _spline_weights(x)
+    y0, y1, y2, y3 = _spline_weights(y)
+    value = np.float32(0)
+    for k, weight in ((row - 1, y0), (row, y1), (row + 1, y2), (row + 2, y3)):
+        value += weight * (
+            x0 * b[k, col - 1] + x1 * b[k, col] + x2 * b[k, col + 1] + x3 * b[k, col + 2]
+        )
+    return value
 
 
 @compiled
@@ -248,17 +189,7 @@ def sample_between_nodes(
                     out[row, col] = np.nan
                     continue
                 c, r = int(x), int(y)
-                x0, x1, x2, x3 = _spline_weights(np.float32(x - c))
-                y0, y1, y2, y3 = _spline_weights(np.float32(y - r))
-                value = np.float32(0)
-                for k, weight in ((r - 1, y0), (r, y1), (r + 1, y2), (r + 2, y3)):
-                    value += weight * (
-                        x0 * coefficients[k, c - 1]
-                        + x1 * coefficients[k, c]
-                        + x2 * coefficients[k, c + 1]
-                        + x3 * coefficients[k, c + 2]
-                    )
-                out[row, col] = value
+                out[row, col] = _spline(coefficients, c, r, np.float32(x - c), np.float32(y - r))
 
 
 # --- least-squares matching -------------------------------------------------------------------
@@ -270,7 +201,9 @@ N_UNKNOWNS = 10
 RIM = 2
 """Pixels around a window that derivatives need."""
 
-_OF_PLACE = 6  # unknowns of the affine transformation, the first ones
+OF_PLACE = 6
+"""Unknowns of the affine transformation, the first ones."""
+
 _STEPS = 20
 _DONE_PX = 5e-4  # a hundredth of the best points' standard deviation
 
@@ -302,34 +235,26 @@ def _derivatives(a: Array, col: int, row: int, half: int, B: Array) -> bool:
 
 @inlined
 def _inverse(B: Array, N: Array, Q: Array) -> bool:
-    """Invert the normal matrix of B's rows by Cholesky; return whether it is regular."""
+    """Invert the normal matrix of B's rows after Gauss and Jordan; return whether it is regular."""
     for i in range(N_UNKNOWNS):
-        for j in range(i + 1):
+        for j in range(N_UNKNOWNS):
             total = 0.0
             for k in range(B.shape[1]):
                 total += B[i, k] * B[j, k]
             N[i, j] = total
-    for i in range(N_UNKNOWNS):  # N becomes its lower Cholesky factor
-        diagonal = N[i, i]
-        for j in range(i):
-            for k in range(j):
-                N[i, j] -= N[i, k] * N[j, k]
-            N[i, j] /= N[j, j]
-            N[i, i] -= N[i, j] * N[i, j]
-        if not N[i, i] > 1e-9 * diagonal:
+            Q[i, j] = 1.0 if i == j else 0.0
+        N[i, N_UNKNOWNS] = N[i, i]
+    for i in range(N_UNKNOWNS):
+        if not N[i, i] > 1e-9 * N[i, N_UNKNOWNS]:
             return False
-        N[i, i] = np.sqrt(N[i, i])
-    for column in range(N_UNKNOWNS):
-        for i in range(N_UNKNOWNS):
-            total = 1.0 if i == column else 0.0
-            for k in range(i):
-                total -= N[i, k] * Q[k, column]
-            Q[i, column] = total / N[i, i]
-        for i in range(N_UNKNOWNS - 1, -1, -1):
-            total = Q[i, column]
-            for k in range(i + 1, N_UNKNOWNS):
-                total -= N[k, i] * Q[k, column]
-            Q[i, column] = total / N[i, i]
+        for row in range(N_UNKNOWNS):
+            factor = N[row, i] / N[i, i] if row != i else 0.0
+            for j in range(N_UNKNOWNS):
+                N[row, j] -= factor * N[i, j]
+                Q[row, j] -= factor * Q[i, j]
+    for i in range(N_UNKNOWNS):
+        for j in range(N_UNKNOWNS):
+            Q[i, j] /= N[i, i]
     return True
 
 
@@ -353,29 +278,7 @@ def _sample(b: Array, W: Array, half: int, level: np.float32, out: Array) -> boo
             x = dcol + xx * np.float32(i) + xy * np.float32(j)
             y = drow + yx * np.float32(i) + yy * np.float32(j)
             fx, fy = np.floor(x), np.floor(y)
-            c, r = col0 + int(fx), row0 + int(fy)
-            x0, x1, x2, x3 = _spline_weights(x - fx)
-            y0, y1, y2, y3 = _spline_weights(y - fy)
-            value = y0 * (
-                x0 * b[r - 1, c - 1]
-                + x1 * b[r - 1, c]
-                + x2 * b[r - 1, c + 1]
-                + x3 * b[r - 1, c + 2]
-            )
-            value += y1 * (x0 * b[r, c - 1] + x1 * b[r, c] + x2 * b[r, c + 1] + x3 * b[r, c + 2])
-            value += y2 * (
-                x0 * b[r + 1, c - 1]
-                + x1 * b[r + 1, c]
-                + x2 * b[r + 1, c + 1]
-                + x3 * b[r + 1, c + 2]
-            )
-            value += y3 * (
-                x0 * b[r + 2, c - 1]
-                + x1 * b[r + 2, c]
-                + x2 * b[r + 2, c + 1]
-                + x3 * b[r + 2, c + 2]
-            )
-            out[k] = value - level
+            out[k] = _spline(b, col0 + int(fx), row0 + int(fy), x - fx, y - fy) - level
             check += out[k]
             k += 1
     return not np.isnan(check)
@@ -400,85 +303,6 @@ def _compose(W: Array, p: Array, half: int) -> float:
     W[2], W[3] = w2 * ixx + w3 * iyx, w2 * ixy + w3 * iyy
     bend = max(abs(xx - 1) + abs(xy), abs(yx) + abs(yy - 1))
     return max(abs(tx), abs(ty)) + half * bend
-
-
-@inlined
-def _fit(B: Array, values: Array, p: Array, half: int, residuals: Array, inner: Array) -> None:
-    """Fill in the residuals of a window, and their derivatives, which its rim does not have.
-
-    The unit of coordinates is that of `_derivatives`.
-    """
-    side = 2 * half + 1
-    for k in range(side * side):
-        v = np.float64(values[k])
-        for i in range(N_UNKNOWNS):
-            v -= B[i, k] * p[i]
-        residuals[k] = v
-    for j in range(RIM, side - RIM):
-        for i in range(RIM, side - RIM):
-            k = j * side + i
-            near = residuals[k + 1] - residuals[k - 1]
-            gx = (8 * near - (residuals[k + 2] - residuals[k - 2])) / 12
-            near = residuals[k + side] - residuals[k - side]
-            gy = (8 * near - (residuals[k + 2 * side] - residuals[k - 2 * side])) / 12
-            x, y = (i - half) / half, (j - half) / half
-            inner[0, k], inner[1, k] = gx, gy
-            inner[2, k], inner[3, k] = gx * x, gx * y
-            inner[4, k], inner[5, k] = gy * x, gy * y
-
-
-@inlined
-def _moves(B: Array, inner: Array, gain: float, half: int, N: Array, out: Array) -> None:
-    """Fill in the derivatives of a matched position by b's grey values.
-
-    A match satisfies B^T v = 0 with the design matrix B, derivatives of a. The derivatives of
-    B^T v by the position are B^T times the derivatives of b; with those of a, the noise that is in
-    both factors would seem to be texture. Derivatives of b are a's times the gain, plus those of
-    the residuals.
-    """
-    side = 2 * half + 1
-    # the rim of the residuals has no derivatives; the other pixels stand for it
-    share = np.float32(side * side / (side - 2 * RIM) ** 2)
-    for i in range(N_UNKNOWNS):
-        for j in range(N_UNKNOWNS):
-            total = np.float32(0)
-            for k in range(side * side):
-                total += B[i, k] * B[j, k]
-            N[j, i] = total * gain if j < _OF_PLACE else total
-        for j in range(_OF_PLACE):
-            total = np.float32(0)
-            for k in range(side * side):
-                total += B[i, k] * inner[j, k]
-            N[j, i] += share * total
-    for column in range(2):  # the first rows of N's inverse, which solve its transpose
-        for i in range(N_UNKNOWNS):
-            N[i, N_UNKNOWNS + column] = 1.0 if i == column else 0.0
-    _solve(N)
-    for row in range(2):
-        out[row] = 0
-        for i in range(N_UNKNOWNS):
-            weight = -np.float32(N[i, N_UNKNOWNS + row])
-            for k in range(side * side):
-                out[row, k] += weight * B[i, k]
-
-
-@inlined
-def _solve(N: Array) -> None:
-    """Solve equations for the columns to the right of a square matrix, in place, with pivots."""
-    n, columns = N.shape
-    for i in range(n):
-        pivot = i
-        for row in range(i + 1, n):
-            if abs(N[row, i]) > abs(N[pivot, i]):
-                pivot = row
-        for j in range(i, columns):
-            N[i, j], N[pivot, j] = N[pivot, j], N[i, j]
-        for j in range(i + 1, columns):
-            N[i, j] /= N[i, i]
-        for row in range(n):
-            if row != i:
-                for j in range(i + 1, columns):
-                    N[row, j] -= N[row, i] * N[i, j]
 
 
 @inlined
@@ -524,7 +348,7 @@ def _matched(
 @compiled
 def match_points(
     a: Array, b: Array, at: Index, start: Array, half: int
-) -> tuple[Array, Array, Array, Array]:
+) -> tuple[Array, Array, Array]:
     """Match windows of an image with another one by least squares.
 
     The grey values of b, interpolated under an affine transformation W, are those of a with a
@@ -551,17 +375,13 @@ def match_points(
         Ratio of grey values, b over a.
     residuals : ndarray of float32, shape (n, pixels)
         Of b's window, row by row.
-    moves : ndarray of float32, shape (n, 2, pixels)
-        Derivatives of the positions by b's grey values.
     """
     n, side = len(at), 2 * half + 1
     size = side * side
     found, gain = np.full((n, 2), np.nan), np.full(n, np.nan)
     residuals = np.full((n, size), np.nan, np.float32)
-    moves = np.full((n, 2, size), np.nan, np.float32)
-    inner, N_moves = np.zeros((_OF_PLACE, size), np.float32), np.empty((N_UNKNOWNS, N_UNKNOWNS + 2))
     B, values = np.empty((N_UNKNOWNS, size), np.float32), np.empty(size, np.float32)
-    N, Q = np.empty((N_UNKNOWNS, N_UNKNOWNS)), np.empty((N_UNKNOWNS, N_UNKNOWNS))
+    N, Q = np.empty((N_UNKNOWNS, N_UNKNOWNS + 1)), np.empty((N_UNKNOWNS, N_UNKNOWNS))
     W, p = np.empty(6), np.empty(N_UNKNOWNS)
     for point in range(n):
         col, row = at[point, 0], at[point, 1]
@@ -573,8 +393,11 @@ def match_points(
             continue
         if not _matched(b, B, Q, half, start[point], W, p, values):
             continue
-        _fit(B, values, p, half, residuals[point], inner)
-        _moves(B, inner, p[6], half, N_moves, moves[point])
+        for k in range(size):
+            v = np.float64(values[k])
+            for i in range(N_UNKNOWNS):
+                v -= B[i, k] * p[i]
+            residuals[point, k] = v
         found[point, 0], found[point, 1] = W[4], W[5]
         gain[point] = p[6]
-    return found, gain, residuals, moves
+    return found, gain, residuals

@@ -7,14 +7,19 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from acx4lib import expected
 from acx4lib.expected import Array, Index
-from acx4lib.tie_points.compiled import N_UNKNOWNS, RIM, correlate_points, match_points
+from acx4lib.tie_points.compiled import (
+    N_UNKNOWNS,
+    OF_PLACE,
+    RIM,
+    correlate_points,
+    match_points,
+)
 
 POLE = np.sqrt(3.0) - 2.0  # of the filter that gives the coefficients of a cubic spline
 REACH = 12  # px; beyond it that filter has less than 1e-6 of its weight
 WITNESSES = 64  # windows for the correlation of noise from residuals: sigma to a tenth
-AT_A_TIME = 512  # windows, so that their design matrices need little memory
+AT_A_TIME = 128  # windows, so that their design matrices need little memory
 LEAST_NOISE = 0.01  # of grey values that were rounded and averaged, however alike they are
 
 
@@ -59,7 +64,6 @@ def spline_coefficients(image: Array) -> Array:
     .. [1] M. Unser, "Splines: a perfect fit for signal and image processing", IEEE Signal
        Processing Magazine 16(6), 1999.
     """
-    expected.shape("image", image, ("rows", "cols"))
     taps = POLE ** np.abs(np.arange(-REACH, REACH + 1))
     taps = (taps / taps.sum()).astype(np.float32)
     # subtracted, so that the numbers are small and keep their digits
@@ -97,9 +101,6 @@ def correlate(
     coefficient : ndarray, shape (n,)
         Its maximum.
     """
-    _check(a, b, at, near)
-    expected.whole("half", half)
-    expected.whole("search", search, least=0)
     return correlate_points(a, b, at.astype(np.int64), np.rint(near).astype(np.int64), half, search)
 
 
@@ -131,30 +132,20 @@ def match(a: Array, b: Array, at: Index, near: Array, *, half: int) -> Matches:
        technique", South African Journal of Photogrammetry, Remote Sensing and Cartography
        14(3), 1985.
     """
-    _check(a, b, at, near)
-    expected.whole("half", half)
-    colrow, gain, residuals, moves = match_points(
+    colrow, gain, residuals = match_points(
         a, _spline_of_seen(b), at.astype(np.int64), np.asarray(near, float), half
     )
     sigma = np.full((len(at), 2), np.nan)
     matched = np.flatnonzero(np.isfinite(gain))
     if len(matched):
-        sigma[matched] = _sigmas(a, at[matched], half, residuals[matched], moves[matched])
+        sigma[matched] = _sigmas(a, at[matched], half, residuals[matched], gain[matched])
     return Matches(colrow=colrow, sigma_px=sigma, gain=gain)
-
-
-def _check(a: Array, b: Array, at: Index, near: Array) -> None:
-    """Raise a ValueError where the arguments are not two images and positions in them."""
-    expected.shape("a", a, ("rows", "cols"))
-    expected.shape("b", b, ("rows", "cols"))
-    expected.shape("at", at, ("n", 2))
-    expected.shape("near", near, (len(at), 2))
 
 
 # --- precision of a match ------------------------------------------------------------------
 
 
-def _sigmas(a: Array, at: Index, half: int, residuals: Array, moves: Array) -> Array:
+def _sigmas(a: Array, at: Index, half: int, residuals: Array, gain: Array) -> Array:
     """Return the standard deviations of matched positions, from the residuals, (n, 2), px.
 
     Compression and interpolation give neighbouring pixels the same noise, and most of it at edges,
@@ -172,18 +163,50 @@ def _sigmas(a: Array, at: Index, half: int, residuals: Array, moves: Array) -> A
     noise = residuals[sample]
     noise = noise / np.sqrt(np.mean(np.square(noise), axis=1, keepdims=True) + LEAST_NOISE**2)
     noise = _mirrored(noise)
-    remaining = 1 - _absorbed(moves[sample], _columns(_windows(a, at[sample], half)))
+    moves = position_derivatives(a, at[sample], half, residuals[sample], gain[sample])
+    remaining = 1 - _absorbed(moves, _columns(_windows(a, at[sample], half)))
     out = np.empty((len(at), 2))
     for start in range(0, len(at), AT_A_TIME):
         part = slice(start, start + AT_A_TIME)
         squares = np.square(residuals[part]) + np.float32(LEAST_NOISE**2)
-        moved = np.square(moves[part])
+        moves = position_derivatives(a, at[part], half, residuals[part], gain[part])
+        moved = np.square(moves)
         by_residuals = np.sum(moved * squares[:, None], axis=2)
-        by_noise = moves[part].reshape(-1, moves.shape[2]) @ noise.T
+        by_noise = moves.reshape(-1, moves.shape[2]) @ noise.T
         shared = np.mean(np.square(by_noise), axis=1).reshape(-1, 2)
         alone = moved @ np.mean(np.square(noise), axis=0)
         out[part] = np.sqrt(by_residuals * shared / (alone * remaining))
     return out
+
+
+def position_derivatives(a: Array, at: Index, half: int, residuals: Array, gain: Array) -> Array:
+    """Return derivatives of matched positions by b's grey values, shape (n, 2, pixels).
+
+    A match satisfies B^T v = 0 with the design matrix B, derivatives of a. The derivatives of
+    B^T v by the position are B^T times the derivatives of b; with those of a, the noise that is in
+    both factors would seem to be texture. Derivatives of b are a's times the gain, plus those of
+    the residuals.
+
+    Parameters
+    ----------
+    a, at, half
+        As of `match`.
+    residuals : ndarray, shape (n, pixels)
+        Of the matched windows.
+    gain : ndarray, shape (n,)
+    """
+    B, side = _columns(_windows(a, at, half)), 2 * half + 1
+    N = (B @ B.swapaxes(1, 2)).astype(float)  # by unknown of the equation, by unknown of the window
+    N[:, :, :OF_PLACE] *= gain[:, None, None]
+    # the rim of the residuals has no derivatives; the other pixels stand for it
+    share = (side / (side - 2 * RIM)) ** 2
+    inner = B.reshape(-1, N_UNKNOWNS, side, side)[:, :, RIM:-RIM, RIM:-RIM]
+    slopes = _columns(residuals.reshape(-1, side, side))[:, :OF_PLACE]
+    slopes[:, 2:] *= (half - RIM) / half  # of coordinates whose unit is half of the whole window
+    products = inner.reshape(*slopes.shape[:1], N_UNKNOWNS, -1) @ slopes.swapaxes(1, 2)
+    N[:, :, :OF_PLACE] += share * products
+    first = np.linalg.solve(N.swapaxes(1, 2), np.eye(N_UNKNOWNS)[:, :2])
+    return -(first.swapaxes(1, 2).astype(np.float32) @ B)
 
 
 def _windows(a: Array, at: Index, half: int) -> Array:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from acx4lib import expected
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera, border_distance, colrow_from_xy
@@ -20,8 +19,8 @@ from acx4lib.synthetic_image.frame import (
     reduced_camera,
     reduced_heads,
 )
-from acx4lib.synthetic_image.head_map import HeadMap, forget, window_map
-from acx4lib.tie_points.compiled import mean_of_bands, sample_between_nodes, weakest_gradients
+from acx4lib.synthetic_image.head_map import HeadMap, window_map
+from acx4lib.tie_points.compiled import sample_between_nodes
 from acx4lib.tie_points.least_squares_matching import REACH, correlate, match, spline_coefficients
 
 TILE_PX = 1024  # small enough for the memory and for the processor's cache
@@ -71,19 +70,6 @@ class TieOptions:
         """Width that an overlap must have for windows around a point to lie in both heads."""
         in_first = self.window_px // 2 + 2
         return in_first + max(in_first, self.correlation_px // 2 + self.search_px) + 1
-
-    def __post_init__(self) -> None:
-        for name in ("correlation_px", "window_px"):
-            side = getattr(self, name)
-            if side < 5 or side % 2 == 0:
-                raise ValueError(f"{name} must be odd and at least 5, got {side}")
-        for name in ("cell_px", "cells", "search_px", "coarse_search_px"):
-            expected.whole(name, getattr(self, name))
-        for name in ("least_texture", "largest_sigma_px", "consensus_px"):
-            expected.positive(name, getattr(self, name), zero=True)
-        if not -1 <= self.least_correlation <= 1:
-            msg = f"least_correlation: expected from -1 to 1, got {self.least_correlation}"
-            raise ValueError(msg)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -150,27 +136,17 @@ def match_overlaps(tasks: Sequence[OverlapTask]) -> list[OverlapMatches]:
     The tiles of all overlaps are shared among the processors.
     """
     parts = [(task, part) for task in tasks for part in _parts(task)]
-    matches = iter(processors.in_order(lambda task_part: _match_part(*task_part), parts))
+    matches = iter(processors.in_order(lambda both: _match_corners(both[0], _tile(*both)), parts))
     return [_joined(task, [next(matches) for _ in _parts(task)]) for task in tasks]
-
-
-def match_overlap(task: OverlapTask) -> OverlapMatches:
-    """Return all matches of an overlap, computed in a single thread."""
-    return _joined(task, [_match_part(task, part) for part in _parts(task)])
-
-
-def _match_part(task: OverlapTask, part: SyntheticWindow) -> OverlapMatches:
-    matches = _match_corners(task, _tile(task, part))
-    if part[3] >= task.shared.window[3]:  # the next part lies below, in other rows of pixels
-        for k in (task.shared.head_a, task.shared.head_b):
-            forget(task.images[k])
-    return matches
 
 
 def _joined(task: OverlapTask, parts: Sequence[OverlapMatches]) -> OverlapMatches:
     """Join the matches of an overlap's parts; leave out those with a large sigma."""
     sigma = np.concatenate([part.sigma_px for part in parts])
-    sure = np.max(sigma, axis=1) < _largest_sigma(sigma, task.options)
+    usual = float(np.median(np.max(sigma, axis=1))) if len(sigma) else 0.0
+    options = task.options
+    largest = max(options.largest_sigma_px, min(2 * usual, options.consensus_px))
+    sure = np.max(sigma, axis=1) < largest
     counts = np.sum([part.counts for part in parts], axis=0)
     return OverlapMatches(
         colrow_a=np.concatenate([part.colrow_a for part in parts])[sure],
@@ -178,12 +154,6 @@ def _joined(task: OverlapTask, parts: Sequence[OverlapMatches]) -> OverlapMatche
         sigma_px=sigma[sure],
         counts=np.array([*counts, sure.sum()]),
     )
-
-
-def _largest_sigma(sigma: Array, options: TieOptions) -> float:
-    """Return the sigma from which a match is left out."""
-    usual = float(np.median(np.max(sigma, axis=1))) if len(sigma) else 0.0
-    return max(options.largest_sigma_px, min(2 * usual, options.consensus_px))
 
 
 def shift_at(shift: Array, colrow: Array) -> Array:
@@ -260,7 +230,7 @@ def _match_corners(task: OverlapTask, tile: _Tile) -> OverlapMatches:
     options = task.options
     half = options.window_px // 2
     corners, n_cells = _corners(task, tile)
-    textured = _has_texture(task, tile.a, corners)
+    textured = _has_texture(task, np.nan_to_num(tile.a), corners)
     corners = corners[textured]
     near = corners + shift_at(task.shift, corners + tile.first_a) + tile.first_a - tile.first_b
     correlated, coefficient = correlate(
@@ -292,9 +262,11 @@ def _corners(task: OverlapTask, tile: _Tile) -> tuple[Index, int]:
 
 def _has_texture(task: OverlapTask, grey: Array, corners: Index) -> Mask:
     """Tell where grey values change by more than noise in every direction."""
-    weakest = weakest_gradients(grey, corners.astype(np.int64), task.options.window_px // 2)
+    col, row = corners.T
+    squares = cv2.cornerMinEigenVal(grey, task.options.window_px, ksize=1)
+    weakest = squares[row, col] / 4  # a derivative is half the difference of two pixels
     # central differences of white noise have half its variance; interpolation reduces it
-    by_noise = task.noise * np.maximum(grey[corners[:, 1], corners[:, 0]], 1) / 2
+    by_noise = task.noise * np.maximum(grey[row, col], 1) / 2
     return weakest >= task.options.least_texture * by_noise
 
 
@@ -323,7 +295,6 @@ def response(grey: Array) -> Array:
     .. [1] C. Harris, M. Stephens, "A combined corner and edge detector", Alvey Vision
        Conference, 1988.
     """
-    expected.shape("grey", grey, ("rows", "cols"))
     return np.asarray(cv2.cornerHarris(np.asarray(grey, np.float32), BLOCK, SOBEL, K), np.float32)
 
 
@@ -345,10 +316,6 @@ def best_of_cells(values: Array, allowed: Mask, cell: int) -> tuple[Index, int]:
     n_cells : int
         Number of cells with allowed positions.
     """
-    expected.shape("values", values, ("rows", "cols"))
-    expected.whole("cell", cell)
-    if allowed.shape != values.shape:
-        raise ValueError(f"allowed: expected shape {values.shape}, got {allowed.shape}")
     rows, cols = (-(-n // cell) for n in values.shape)
     padded = np.zeros((rows * cell, cols * cell), np.float32)
     padded[: values.shape[0], : values.shape[1]] = np.where(allowed, values, 0)
@@ -396,7 +363,6 @@ def noise_level(image: np.ndarray, *, rng: np.random.Generator) -> float:
     .. [1] J. Immerkaer, "Fast noise variance estimation", Computer Vision and Image
        Understanding 64(2), 1996.
     """
-    expected.shape("image", image, ("rows", "cols", "bands"))
     rows, cols = image.shape[:2]
     side = min(_PATCH, rows, cols)
     origins = rng.integers(0, [rows - side + 1, cols - side + 1], size=(_N_PATCHES, 2))
@@ -533,9 +499,9 @@ def _depths(
 
 def grey(image: np.ndarray) -> Array:
     """Return the mean of an image's bands, shape (rows, cols), float32."""
-    out = np.empty(image.shape[:2], np.float32)
-    mean_of_bands(image, out)
-    return out
+    bands = image.shape[2]
+    share = np.full((1, bands), 1 / bands, np.float32)
+    return np.asarray(cv2.transform(image.astype(np.float32), share), np.float32)
 
 
 def grey_window(
@@ -628,14 +594,8 @@ def reduced_exposure(
 
 def _reduced_grey(image: np.ndarray, camera: Camera, factor: int) -> Array:
     """Return the means of factor x factor pixels, from the middle of an image."""
-    size = factor * np.array([camera.height_px, camera.width_px])
-    row, col = (np.array(image.shape[:2]) - size) // 2
-    out = np.empty((camera.height_px, camera.width_px), np.float32)
-    rows = max(512 // factor, 1)
-    for start in range(0, len(out), rows):  # a few rows at a time: the image may be on a disk
-        stop = min(start + rows, len(out))
-        part = image[row + factor * start : row + factor * stop, col : col + size[1]]
-        small = cv2.resize(part, (out.shape[1], stop - start), interpolation=cv2.INTER_AREA)
-        out[start:stop] = grey(small.reshape(*small.shape[:2], -1))
-    forget(image)
-    return out
+    rows, cols = camera.height_px, camera.width_px
+    row, col = (image.shape[0] - factor * rows) // 2, (image.shape[1] - factor * cols) // 2
+    part = image[row : row + factor * rows, col : col + factor * cols]
+    small = cv2.resize(part, (cols, rows), interpolation=cv2.INTER_AREA)
+    return grey(small.reshape(rows, cols, -1))

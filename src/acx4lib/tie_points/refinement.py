@@ -9,12 +9,11 @@ head has its own turn, with the same variance for all heads.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
+from scipy import optimize, sparse
 
 from acx4lib import expected, shown
 from acx4lib.bundle.start import HUBER_WIDTH, SUSPECT, sizes, spread
@@ -37,9 +36,8 @@ from acx4lib.geometry.frames import (
     skew,
     transform,
 )
-from acx4lib.least_squares import adjustment, statistics
-from acx4lib.least_squares.covariance import correlation, propagate, sigmas
-from acx4lib.least_squares.normal_equations import Equations
+from acx4lib.least_squares import statistics
+from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.least_squares.reduced_system import Dense
 from acx4lib.synthetic_image.frame import head_from_synthetic, synthetic_from_head
 from acx4lib.tie_points.ties import TiePoints, check_ties
@@ -50,9 +48,6 @@ if TYPE_CHECKING:
 
 ALPHA = 0.01
 """Probability of a component where the noise of the tie points explains the scatter."""
-
-HALVINGS = 60
-"""Of the interval in which a variance is looked for."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,12 +113,12 @@ def _variance(x: Array, c: Array) -> float:
     dof = (len(x) - 1) * x.shape[1]
     if statistics.chi2_sf(_weighted_squares(x, c, 0.0), dof) > ALPHA:
         return 0.0
-    low, high = 0.0, float(np.sum((x - x.mean(axis=0)) ** 2))
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        too_small = _weighted_squares(x, c, middle) > dof
-        low, high = (middle, high) if too_small else (low, middle)
-    return high
+    largest = float(np.sum((x - x.mean(axis=0)) ** 2))
+    return float(
+        optimize.brentq(
+            lambda t: _weighted_squares(x, c, t) - dof, 0.0, largest, xtol=1e-15 * largest
+        )
+    )
 
 
 def _weighted_squares(x: Array, c: Array, t: float) -> float:
@@ -177,8 +172,9 @@ MOST_TIMES = 10.0
 """Largest ratio of the sigma of an unknown from a block alone to the sigma from an even share of
 all tie points, for a block in the variance: heads that see other ground share only borders."""
 
-STEPS, NEARLY_MM = 100, 5e-6
-"""Largest number of steps with one loss, and a step in the image that ends it (1e-3 px)."""
+STEPS, NEARLY_MM, DONE_MM = 100, 5e-6, 1e-12
+"""Largest number of steps with one loss, and steps in the image that end them (the first 1e-3 px,
+while points are rejected)."""
 
 TUKEY_WIDTH = 5.0
 """In spreads; with normally distributed errors in two coordinates, efficiency is 95 %."""
@@ -206,16 +202,12 @@ class Refined:
         The head whose orientation is held.
     unreached : tuple of str
         Heads without tie points; their orientation does not change.
-    settled : bool
-        Whether the weights, which follow from the differences, stopped changing within `STEPS`.
     by_exposure : tuple of float
         Standard deviations of a head's errors at a single exposure, beyond the noise of tie points:
         of its unknowns, about or along its axes, rad or mm. Part of the covariance. With a single
         exposure, of its errors in a block of the frame (`BLOCKS`).
-    halves_p : float or None
-        Where there is one exposure, the probability of such a difference, or a larger one, of the
-        estimates from two halves of its frame, which are alternating blocks; NaN where a half does
-        not determine them.
+    one_exposure : bool
+        Whether all tie points are of a single exposure.
     """
 
     orientation: RelativeOrientation
@@ -224,9 +216,8 @@ class Refined:
     turn_sigma: Array
     held: str
     unreached: tuple[str, ...]
-    settled: bool = True
     by_exposure: tuple[float, ...] = ()
-    halves_p: float | None = None
+    one_exposure: bool = False
 
     def __repr__(self) -> str:
         """Describe the fit of the tie points in one line."""
@@ -240,33 +231,20 @@ class Refined:
 
     @property
     def sentence(self) -> str:
-        """A warning for the user; empty where there is nothing to warn of."""
-        text = f"the weights of tie points did not settle in {STEPS} steps; do the pictures agree?"
-        return "; ".join(filter(None, ("" if self.settled else text, self._between_exposures)))
-
-    @property
-    def _between_exposures(self) -> str:
-        """A sentence on turns of heads from exposure to exposure; empty without turns."""
+        """A note on turns of heads from exposure to exposure; empty without turns."""
         turns = np.degrees(self.by_exposure[-3:])
         listed = ", ".join(f"{turn:.4f}" for turn in turns)
-        counted = "degrees about its x, y, z ({}); standard deviations count it"
-        if self.halves_p is not None:
+        differs = f"say of a head differs by {listed} degrees about its x, y, z"
+        if self.one_exposure:
             text = "tie points are of one exposure: how heads scatter between exposures is not seen"
-            if np.any(turns):
-                why = counted.format("parallax, what lenses leave")
-                text += f"; what blocks of the frame say of a head differs by {listed} {why}"
-            halves = f"; halves of alternating blocks agree with p = {self.halves_p:.2f}"
-            return text + halves * bool(np.isfinite(self.halves_p))
-        if not np.any(turns):
-            return ""
-        why = counted.format(
-            "parallax of other flying heights, shutters that open at other times, a mount that "
-            "gives"
+            why = "(parallax, what lenses leave); standard deviations count it"
+            return f"{text}; what blocks of the frame {differs} {why}" if np.any(turns) else text
+        why = (
+            "(parallax of other flying heights, shutters that open at other times, a mount that "
+            "gives); standard deviations count it"
         )
-        return (
-            f"beyond the noise of tie points, what exposures say of a head differs by {listed} "
-            f"{why}"
-        )
+        text = f"beyond the noise of tie points, what exposures {differs} {why}"
+        return text if np.any(turns) else ""
 
     @property
     def cov(self) -> Array:
@@ -284,7 +262,7 @@ def refine_by_rotations(
 
     Robust least squares over the differences in the synthetic image: first with Huber's loss,
     which has one minimum, then with Tukey's. Then points with misfits above `start.SUSPECT`
-    spreads are rejected, and the others are adjusted by Gauss-Newton.
+    spreads are rejected, and the others are adjusted without weights.
 
     Parameters
     ----------
@@ -312,18 +290,12 @@ def refine_by_rotations(
     check_ties(ties, orientation)
     sigma = _sigma_mm(orientation, ties)
     used: Mask = np.isfinite(sigma)
-    heads, settled = orientation, True
-    for factors in (_huber, _tukey):
-        columns = _columns(orientation, ties[used], FREE[free])
-        heads, done = _settled(heads, ties[used], sigma[used], columns=columns, factors=factors)
-        settled = settled and done
-    u = _in_spreads(tie_differences(heads, ties[used]), sigma[used])
-    used[used] = u <= SUSPECT
-    columns = _columns(orientation, ties[used], FREE[free])
-    with suppress(AdjustmentError):  # `_refined` names the undetermined heads
-        heads, _ = adjustment.solve(_Overlaps(ties[used], sigma[used], columns), heads)
-    refined = _refined(orientation, heads, ties, sigma=sigma, used=used, columns=columns)
-    return replace(refined, settled=settled)
+    heads = orientation
+    for loss in (_huber, _tukey):
+        heads = _adjusted(heads, ties[used], sigma[used], FREE[free], loss, NEARLY_MM)
+    used[used] = _in_spreads(tie_differences(heads, ties[used]), sigma[used]) <= SUSPECT
+    heads = _adjusted(heads, ties[used], sigma[used], FREE[free], np.ones_like, DONE_MM)
+    return _refined(orientation, heads, ties, sigma=sigma, used=used, free=FREE[free])
 
 
 def _sigma_mm(orientation: RelativeOrientation, ties: TiePoints) -> Array:
@@ -383,73 +355,28 @@ def _tukey(u: Array) -> Array:
     return np.square(1 - np.square(np.minimum(u / TUKEY_WIDTH, 1.0)))
 
 
-def _settled(
+def _adjusted(
     orientation: RelativeOrientation,
     ties: TiePoints,
     sigma: Array,
-    *,
-    columns: Index,
-    factors: Loss,
-) -> tuple[RelativeOrientation, bool]:
-    """Return the orientation after reweighted steps, and whether the steps converged.
-
-    The weights follow from the differences. Derivatives hardly change: those at the start serve
-    all steps.
-    """
+    free: tuple[int, ...],
+    loss: Loss,
+    done_mm: float,
+) -> RelativeOrientation:
+    """Return the orientation after steps of Gauss and Newton; weights follow from differences."""
+    columns = _columns(orientation, ties, free)
     in_mm = np.repeat([1.0, orientation.heads[0].interior.f], 3)
-    parts = list(_by_pair(orientation, ties))
     for _ in range(STEPS):
         d = tie_differences(orientation, ties)
-        weight = factors(_in_spreads(d, sigma)) / sigma**2
-        N, h = _normals(parts, d, weight, len(orientation.heads))
+        weight = loss(_in_spreads(d, sigma)) / sigma**2
+        N, h = _normals(_by_pair(orientation, ties), d, weight, len(orientation.heads))
         system = Dense(N=N[np.ix_(columns, columns)], diagonal=np.diag(N)[columns])
-        dx = np.zeros(len(h))
-        dx[columns] = -system.solve(h[columns])
-        orientation = _moved(orientation, dx.reshape(-1, PER_HEAD))
-        if np.max(np.abs(dx.reshape(-1, PER_HEAD)[:, :6] * in_mm)) < NEARLY_MM:
-            return orientation, True
-    return orientation, False
-
-
-@dataclass(frozen=True, eq=False)
-class _Overlaps:
-    """Differences with their sigma, mm, as a problem for `adjustment.solve`: no points."""
-
-    ties: TiePoints
-    sigma: Array
-    columns: Index
-    n_points: int = 0
-
-    @property
-    def n_columns(self) -> int:
-        return len(self.columns)
-
-    @property
-    def free_points(self) -> Mask:
-        return np.zeros(0, dtype=np.bool_)
-
-    def column_names(self) -> list[str]:
-        return [f"head {k // PER_HEAD + 1}, unknown {k % PER_HEAD + 1}" for k in self.columns]
-
-    def equations(self, state: RelativeOrientation) -> list[Equations]:
-        place, d = np.full(PER_HEAD * len(state.heads), -1), tie_differences(state, self.ties)
-        place[self.columns] = np.arange(len(self.columns))
-        return [
-            Equations(
-                kind="tie_point",
-                v=d[rows],
-                sigma=np.repeat(self.sigma[rows, None], 2, axis=1),
-                A=J,
-                columns=place[parameters][None],
-                unit=np.zeros(len(rows), dtype=np.intp),
-            )
-            for rows, parameters, J in _by_pair(state, self.ties)
-        ]
-
-    def moved(self, state: RelativeOrientation, dx: Array, dp: Array) -> RelativeOrientation:  # noqa: ARG002 (no points)
-        step = np.zeros((len(state.heads), PER_HEAD))
-        step.flat[self.columns] = dx
-        return _moved(state, step)
+        dx = np.zeros((len(orientation.heads), PER_HEAD))
+        dx.flat[columns] = -system.solve(h[columns])
+        orientation = _moved(orientation, dx)
+        if np.max(np.abs(dx[:, :6] * in_mm)) < done_mm:
+            break
+    return orientation
 
 
 def _moved(orientation: RelativeOrientation, dx: Array) -> RelativeOrientation:
@@ -467,9 +394,10 @@ def _refined(
     *,
     sigma: Array,
     used: Mask,
-    columns: Index,
+    free: tuple[int, ...],
 ) -> Refined:
     """Return the result with its covariance, if the tie points determine it."""
+    columns = _columns(start, ties[used], free)
     d, parts = tie_differences(now, ties[used]), list(_by_pair(now, ties[used]))
     weight = 1 / sigma[used] ** 2
     N, _ = _normals(parts, d, weight, len(now.heads))
@@ -488,15 +416,12 @@ def _refined(
     group, is_one = ties[used].exposure_idx, len(np.unique(ties[used].exposure_idx)) == 1
     if is_one:
         group = _block(now, ties[used])
-    exposures = list(_exposures(parts, d, weight, group, columns))
+    exposures = list(_exposures(parts, d, weight, group, columns, len(now.heads)))
     axis, noise = columns % PER_HEAD, sigma0_sq * inverse.dense
     telling = _telling(exposures, inverse.dense.diagonal()) if is_one else exposures
     variance = components(telling, axis, sigma0_sq)
     if np.any(variance):
         noise = noise + covariance(exposures, axis, variance)
-    halves_p = None if not is_one else np.nan
-    if is_one and telling:
-        halves_p = _agreement(exposures, np.unique(group) % 2, axis, variance, sigma0_sq)
     cov, cov_change = _covariances(start, now, N, columns, noise)
     tied = _tied(start, ties[used])
     untied = np.setdiff1d(np.arange(len(start.heads)), tied)
@@ -508,17 +433,17 @@ def _refined(
         held=start.heads[tied[0]].name,
         unreached=tuple(start.heads[k].name for k in untied),
         by_exposure=tuple(np.sqrt(variance[np.unique(axis, return_index=True)[1]]).tolist()),
-        halves_p=halves_p,
+        one_exposure=is_one,
     )
 
 
 def _block(orientation: RelativeOrientation, ties: TiePoints) -> Index:
-    """Return the block of the frame of every tie point; even and odd ones alternate."""
+    """Return the block of the frame of every tie point."""
     size = np.array([[camera.width_px, camera.height_px] for camera in orientation.heads])
     position = (ties.colrow_a + 0.5) / size[ties.head_a] * BLOCKS
     col, row = np.clip(position.astype(int), 0, np.array(BLOCKS) - 1).T
-    odd: Index = (col + row) % 2
-    return 2 * (row * BLOCKS[0] + col) + odd
+    block: Index = row * BLOCKS[0] + col
+    return block
 
 
 def _telling(blocks: Sequence[OneExposure], variance: Array) -> Sequence[OneExposure]:
@@ -531,43 +456,19 @@ def _telling(blocks: Sequence[OneExposure], variance: Array) -> Sequence[OneExpo
     return precise if 2 * len(precise) >= np.prod(BLOCKS) else []
 
 
-def _agreement(
-    blocks: Sequence[OneExposure], half: Index, axis: Index, variance: Array, sigma0_sq: float
-) -> float:
-    """Return the p-value of the difference between two halves; NaN if a half is undetermined."""
-    estimates, cov = [], np.zeros((len(axis), len(axis)))
-    for k in (0, 1):
-        blocks_of_half = [
-            block for block, block_half in zip(blocks, half, strict=True) if block_half == k
-        ]
-        N = np.sum([np.zeros_like(cov), *(block.N for block in blocks_of_half)], axis=0)
-        if np.linalg.matrix_rank(N, hermitian=True) < len(axis):
-            return np.nan
-        estimates.append(np.linalg.solve(N, np.sum([block.h for block in blocks_of_half], axis=0)))
-        cov += sigma0_sq * np.linalg.inv(N) + covariance(blocks_of_half, axis, variance)
-    z = (estimates[1] - estimates[0]) / sigmas(cov)
-    return statistics.chi2_sf(float(z @ np.linalg.solve(correlation(cov), z)), len(axis))
-
-
 def _exposures(
     parts: Sequence[tuple[Index, Index, Array]],
     d: Array,
     weight: Array,
     exposure_idx: Index,
     columns: Index,
+    n_heads: int,
 ) -> Iterator[OneExposure]:
     """Yield the normal equations of every exposure by itself."""
-    n_heads = 1 + max(int(parameters.max()) for _, parameters, _ in parts) // PER_HEAD
-    n_heads = max(n_heads, 1 + int(columns.max()) // PER_HEAD)
     for exposure in np.unique(exposure_idx):
-        of_exposure = exposure_idx == exposure
-        of_pair = [of_exposure[rows] for rows, _, _ in parts]
-        parts_here = [
-            (r[i], parameters, J[i])
-            for (r, parameters, J), i in zip(parts, of_pair, strict=True)
-            if i.any()
-        ]
-        N, h = _normals(parts_here, d, weight, n_heads)
+        inside = [exposure_idx[rows] == exposure for rows, _, _ in parts]
+        here = [(r[i], p, J[i]) for (r, p, J), i in zip(parts, inside, strict=True)]
+        N, h = _normals(here, d, weight, n_heads)
         yield OneExposure(N=N[np.ix_(columns, columns)], h=h[columns])
 
 
@@ -685,7 +586,7 @@ def _normals(
     n = PER_HEAD * n_heads
     N, h = np.zeros((n, n)), np.zeros(n)
     for rows, parameters, by_both in parts:
-        J = by_both.reshape(2 * len(rows), -1)
+        J = by_both.reshape(2 * len(rows), by_both.shape[2])
         PJ = np.repeat(weight[rows], 2)[:, None] * J
         N[np.ix_(parameters, parameters)] += PJ.T @ J
         h[parameters] += PJ.T @ d[rows].ravel()

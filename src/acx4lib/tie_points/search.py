@@ -14,7 +14,6 @@ from acx4lib import shown
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.camera import Camera, xy_from_colrow
-from acx4lib.least_squares import processors
 from acx4lib.synthetic_image.frame import head_from_synthetic
 from acx4lib.tie_points.matching import (
     GreyExposure,
@@ -22,7 +21,6 @@ from acx4lib.tie_points.matching import (
     OverlapTask,
     SharedWindow,
     TieOptions,
-    match_overlap,
     match_overlaps,
     noise_level,
     reduced_exposure,
@@ -87,27 +85,23 @@ class OverlapTies:
     def sentence(self) -> str:
         """A warning on the overlap for the user; empty where there is nothing to warn of."""
         heads = " and ".join(self.names)
+        counted = f"{heads}: {self.n_textured} of {self.n_cells} cells have texture"
         if self.width_px < self.least_width_px and not self.n_ties:
             return (
                 f"{heads}: their pictures overlap by {self.width_px:.0f} px, and the windows of "
                 f"matching need {self.least_width_px:.0f} px, so no tie points are found there"
             )
         if self.n_textured < 0.25 * self.n_cells:
-            return (
-                f"{heads}: {_grouped(self.n_textured)} of {_grouped(self.n_cells)} cells have "
-                "texture"
-            )
+            return counted
         if not self.n_ties and self.n_textured:
             return (
-                f"{heads}: {_grouped(self.n_textured)} cells have texture, but their points do not "
-                "agree (files exchanged, of different exposures or turned by 180 degrees, or an "
-                "orientation too far off?)"
+                f"{counted}, but their points do not agree (files exchanged, of different "
+                "exposures or turned by 180 degrees, or an orientation too far off?)"
             )
         if self.n_ties < 0.1 * self.n_textured:
             return (
-                f"{heads}: only {_grouped(self.n_ties)} points, which agree, for "
-                f"{_grouped(self.n_textured)} cells with texture (noise, compression, or other "
-                "bands?)"
+                f"{counted}, but only {self.n_ties} points, which agree, are found in them (noise, "
+                "compression, or other bands?)"
             )
         return ""
 
@@ -175,8 +169,11 @@ def find_ties(
     ValueError
         Where the images are not those of the heads.
     """
-    _check(images, orientation)
     options = options or TieOptions()
+    sizes = [(head.height_px, head.width_px) for head in orientation.heads]
+    if [image.shape[:2] for image in images] != sizes:
+        msg = f"images: expected {sizes} px, got {[image.shape[:2] for image in images]}"
+        raise ValueError(msg)
     windows = shared_windows(orientation, synthetic)
     largest = max((shared.area_px for shared in windows), default=0.0)
     coarse = reduced_exposure(images, orientation, synthetic, coarse_factor(windows))
@@ -195,23 +192,26 @@ def find_ties(
         )
         for shared in windows
     ]
-    shifts = processors.in_order(lambda task: _coarse_shift(task, coarse), tasks)
-    tasks = [replace(task, shift=shift) for task, shift in zip(tasks, shifts, strict=True)]
-    measured = list(map(_measured, tasks, match_overlaps(tasks)))
-    return _assembled(measured, orientation, synthetic, exposure)
-
-
-def _check(images: Sequence[np.ndarray], orientation: RelativeOrientation) -> None:
-    """Raise where images are not those of the heads."""
-    if len(images) != len(orientation.heads):
-        raise ValueError(f"{len(orientation.heads)} heads need as many images, got {len(images)}")
-    for image, head in zip(images, orientation.heads, strict=True):
-        if image.ndim != 3 or image.shape[:2] != (head.height_px, head.width_px):
-            msg = (
-                f"{head.name}: an image of {head.width_px} x {head.height_px} px with bands is "
-                f"needed, got an array of shape {image.shape}"
-            )
-            raise ValueError(msg)
+    reduced = match_overlaps([_coarse_task(task, coarse) for task in tasks])
+    tasks = [
+        replace(task, shift=_shift(found, coarse.factor, 2 * options.consensus_px))
+        for task, found in zip(tasks, reduced, strict=True)
+    ]
+    measured = [
+        (task, found, _agreeing(found, options))
+        for task, found in zip(tasks, match_overlaps(tasks), strict=True)
+    ]
+    parts = [_in_heads(*of_overlap) for of_overlap in measured]
+    joined = {
+        name: np.concatenate([none, *(part[name] for part in parts)])
+        for name, none in NO_TIES.items()
+    }
+    sigma, n = joined.pop("sigma"), len(joined["head_a"])
+    return ImageTies(
+        ties=TiePoints(exposure_idx=np.full(n, exposure), point_idx=np.arange(n), **joined),
+        sigma=sigma,
+        overlaps=tuple(_counted(*of_overlap) for of_overlap in measured),
+    )
 
 
 def _cell(shared: SharedWindow, largest: float, options: TieOptions) -> int:
@@ -248,26 +248,23 @@ def strongest_chain(overlaps: Sequence[OverlapTies]) -> list[OverlapTies]:
 # --- one overlap ----------------------------------------------------------------------------
 
 
-def _measured(task: OverlapTask, matches: OverlapMatches) -> tuple[OverlapMatches, OverlapTies]:
-    """Return the consistent matches of an overlap, and the numbers of each step."""
-    # in poor pictures, good matches scatter more
+def _agreeing(matches: OverlapMatches, options: TieOptions) -> Mask:
+    """Return the mask of consistent matches; in poor pictures, good matches scatter more."""
     usual = 4 * float(np.median(matches.sigma_px)) if len(matches.sigma_px) else 0.0
-    agree = consensus(matches, max(task.options.consensus_px, usual))
-    kept = OverlapMatches(
-        colrow_a=matches.colrow_a[agree],
-        colrow_b=matches.colrow_b[agree],
-        sigma_px=matches.sigma_px[agree],
-        counts=matches.counts,
-    )
+    return consensus(matches, max(options.consensus_px, usual))
+
+
+def _counted(task: OverlapTask, matches: OverlapMatches, agree: Mask) -> OverlapTies:
+    """Return the numbers of each step."""
     shared = task.shared
     row_0, row_1, col_0, col_1 = shared.window
     middle = np.array([[col_0 + col_1, row_0 + row_1]]) / 2
-    names = [task.orientation.heads[k].name for k in (shared.head_a, shared.head_b)]
+    heads = task.orientation.heads
     n_cells, n_textured, n_correlated, n_matched = map(int, matches.counts)
-    return kept, OverlapTies(
+    return OverlapTies(
         head_a=shared.head_a,
         head_b=shared.head_b,
-        names=(names[0], names[1]),
+        names=(heads[shared.head_a].name, heads[shared.head_b].name),
         n_cells=n_cells,
         n_textured=n_textured,
         n_correlated=n_correlated,
@@ -279,49 +276,24 @@ def _measured(task: OverlapTask, matches: OverlapMatches) -> tuple[OverlapMatche
     )
 
 
-# --- together --------------------------------------------------------------------------------
-
-
-def _assembled(
-    measured: Sequence[tuple[OverlapMatches, OverlapTies]],
-    orientation: RelativeOrientation,
-    synthetic: Camera,
-    exposure: int,
-) -> ImageTies:
-    """Return the tie points of all overlaps in head pixels."""
-    n = sum(report.n_ties for _, report in measured)
-    head_a, head_b = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp)
-    colrow_a, colrow_b, sigma = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2))
-    per_px = np.zeros(n)
-    start = 0
-    for matches, report in measured:
-        rows = slice(start, start + report.n_ties)
-        start += report.n_ties
-        a, b = report.head_a, report.head_b
-        head_a[rows], head_b[rows], sigma[rows] = a, b, matches.sigma_px
-        xy_a, xy_b = (xy_from_colrow(synthetic, c) for c in (matches.colrow_a, matches.colrow_b))
-        colrow_a[rows] = head_from_synthetic(orientation, a, xy_a)
-        colrow_b[rows] = head_from_synthetic(orientation, b, xy_b)
-        per_px[rows] = synthetic.pixel_mm / orientation.heads[b].pixel_mm
-    return ImageTies(
-        ties=TiePoints(
-            head_a=head_a,
-            head_b=head_b,
-            exposure_idx=np.full(n, exposure),
-            point_idx=np.arange(n),
-            colrow_a=colrow_a,
-            colrow_b=colrow_b,
-            # each of the two measurements has half the variance of the difference
-            sigma_px=per_px * np.sqrt(np.mean(sigma**2, axis=1) / 2),
-        ),
-        sigma=sigma,
-        overlaps=tuple(report for _, report in measured),
+def _in_heads(task: OverlapTask, matches: OverlapMatches, agree: Mask) -> dict[str, np.ndarray]:
+    """Return the columns of the tie points of an overlap, in head pixels."""
+    a, b = task.shared.head_a, task.shared.head_b
+    xy_a, xy_b = (
+        xy_from_colrow(task.synthetic, colrow[agree])
+        for colrow in (matches.colrow_a, matches.colrow_b)
     )
-
-
-def _grouped(number: int) -> str:
-    """Return a whole number as text, with spaces between thousands."""
-    return f"{number:,}".replace(",", " ")
+    sigma, n = matches.sigma_px[agree], int(agree.sum())
+    # each of the two measurements has half the variance of the difference
+    per_px = task.synthetic.pixel_mm / task.orientation.heads[b].pixel_mm
+    return {
+        "head_a": np.full(n, a, dtype=np.intp),
+        "head_b": np.full(n, b, dtype=np.intp),
+        "colrow_a": head_from_synthetic(task.orientation, a, xy_a),
+        "colrow_b": head_from_synthetic(task.orientation, b, xy_b),
+        "sigma_px": per_px * np.sqrt(np.mean(sigma**2, axis=1) / 2),
+        "sigma": sigma,
+    }
 
 
 # --- Large shifts between heads, found in reduced images, and matches that agree with each other
@@ -333,6 +305,11 @@ LEAST_TIES = 12  # of an overlap, so that a homography is checked by other point
 WITNESSES = 3  # further matches by which a few are believed: by chance one in 10^4 overlaps
 _SIMPLE = ((cv2.estimateAffine2D, 3), (cv2.findHomography, 4))  # and their least matches
 NO_SHIFT = np.zeros((2, 3))
+NO_TIES = {
+    **dict.fromkeys(("head_a", "head_b"), np.zeros(0, dtype=np.intp)),
+    **dict.fromkeys(("colrow_a", "colrow_b", "sigma"), np.zeros((0, 2))),
+    "sigma_px": np.zeros(0),
+}
 _LEAST_CUBIC, _GROWING_STEPS = 100, 20  # ten matches for each of ten coefficients
 
 
@@ -365,19 +342,14 @@ def _coarse_task(task: OverlapTask, coarse: GreyExposure) -> OverlapTask:
     )
 
 
-def _coarse_shift(task: OverlapTask, coarse: GreyExposure) -> Array:
-    """Return the shift of an overlap, found in reduced images, shape (2, 3).
-
-    Zero where they give no reliable shift.
-    """
-    matches = match_overlap(_coarse_task(task, coarse))
-    agree = consensus(matches, 2 * task.options.consensus_px)
+def _shift(matches: OverlapMatches, factor: int, threshold_px: float) -> Array:
+    """Return the shift of an overlap, found in reduced images, shape (2, 3); zero without any."""
+    agree = consensus(matches, threshold_px)
     if not agree.any():
         return NO_SHIFT
     # coordinates are those of pixel centres: reduced col 0 is in the middle of k cols
-    k = coarse.factor
-    a = k * matches.colrow_a[agree] + (k - 1) / 2
-    d = k * (matches.colrow_b - matches.colrow_a)[agree]
+    a = factor * matches.colrow_a[agree] + (factor - 1) / 2
+    d = factor * (matches.colrow_b - matches.colrow_a)[agree]
     A = np.column_stack([a, np.ones(len(a))])
     return np.linalg.lstsq(A, d, rcond=None)[0].T
 
@@ -410,19 +382,13 @@ def consensus(matches: OverlapMatches, threshold_px: float) -> Mask:
     .. [1] D. Barath et al., "MAGSAC++, a fast, reliable and accurate robust estimator",
        CVPR 2020.
     """
-    n = len(matches.colrow_a)
-    least = max(LEAST_TIES, 0.1 * n)
-    if n < least:
-        return _few(matches, threshold_px)
-    for wider in (1, 4):  # with badly known lenses few matches fit a homography
-        agree = _on_homography(matches, wider * threshold_px)
-        if agree.sum() >= max(least, _LEAST_CUBIC):
-            agree = _grown(matches, agree, threshold_px)
-        elif wider > 1:
-            break
-        if agree.sum() >= least:
-            return agree
-    return _few(matches, threshold_px)
+    least = max(LEAST_TIES, 0.1 * len(matches.colrow_a))
+    agree = _on_homography(matches, 4 * threshold_px)  # with badly known lenses few fit it better
+    if agree.sum() >= max(least, _LEAST_CUBIC):
+        agree = _grown(matches, agree, threshold_px)
+    else:
+        agree = _on_homography(matches, threshold_px)
+    return agree if agree.sum() >= least else _few(matches, threshold_px)
 
 
 def _few(matches: OverlapMatches, threshold_px: float) -> Mask:
@@ -443,14 +409,18 @@ def _few(matches: OverlapMatches, threshold_px: float) -> Mask:
 
 def _on_homography(matches: OverlapMatches, threshold_px: float) -> Mask:
     """Return the mask of matches that agree on a homography."""
-    homography, agree = cv2.findHomography(
-        matches.colrow_a, matches.colrow_b, cv2.USAC_MAGSAC, threshold_px, maxIters=5000
-    )
-    if homography is None or agree.sum() < LEAST_TIES:
-        return np.zeros(len(matches.colrow_a), dtype=bool)
+    a, b = matches.colrow_a, matches.colrow_b
+    none = np.zeros(len(a), dtype=bool)
+    if len(a) < LEAST_TIES:
+        return none
+    homography, mask = cv2.findHomography(a, b, cv2.USAC_MAGSAC, threshold_px, maxIters=5000)
+    if homography is None or mask.sum() < LEAST_TIES:
+        return none
     # MAGSAC itself has no sharp limit
-    misfits = _homography_misfits(matches, agree.ravel() > 0)
-    return np.hypot(*misfits.T) <= threshold_px
+    agree = mask.ravel() > 0
+    homography, _ = cv2.findHomography(a[agree], b[agree], 0)
+    fitted = cv2.perspectiveTransform(a[:, None], homography)[:, 0]
+    return np.hypot(*(b - np.asarray(fitted, float)).T) <= threshold_px
 
 
 def _grown(matches: OverlapMatches, agree: Mask, threshold_px: float) -> Mask:
@@ -465,10 +435,3 @@ def _grown(matches: OverlapMatches, agree: Mask, threshold_px: float) -> Mask:
         if np.array_equal(agree, before):
             break
     return agree
-
-
-def _homography_misfits(matches: OverlapMatches, agree: Mask) -> Array:
-    """Return the misfits of all matches to the homography of the agreeing ones, (n, 2), px."""
-    homography, _ = cv2.findHomography(matches.colrow_a[agree], matches.colrow_b[agree], 0)
-    fitted = cv2.perspectiveTransform(matches.colrow_a[:, None], homography)[:, 0]
-    return matches.colrow_b - np.asarray(fitted, float)

@@ -30,11 +30,6 @@ class TiePoints:
     colrow_a, colrow_b : ndarray, shape (n, 2)
     sigma_px : ndarray, shape (n,)
         The larger sigma of the two measurements; infinite where the tie point is not used.
-
-    Raises
-    ------
-    ValueError
-        Where a part has another shape, or head_a is not before head_b.
     """
 
     head_a: Index
@@ -44,23 +39,6 @@ class TiePoints:
     colrow_a: Array
     colrow_b: Array
     sigma_px: Array
-
-    def __post_init__(self) -> None:
-        expected.shape("head_a", self.head_a)
-        n = len(self.head_a)
-        for name in ("head_b", "exposure_idx", "point_idx"):
-            expected.shape(name, getattr(self, name), (n,))
-        for name in ("colrow_a", "colrow_b"):
-            expected.shape(name, getattr(self, name), (n, 2))
-        expected.shape("sigma_px", self.sigma_px, (n,))
-        expected.positive("sigma_px", self.sigma_px)
-        if np.any(self.head_a >= self.head_b):
-            row = int(np.argmax(self.head_a >= self.head_b))
-            msg = (
-                f"head_b: expected a head behind head_a, got {self.head_b[row]} and "
-                f"{self.head_a[row]} in row {row}"
-            )
-            raise ValueError(msg)
 
     def __repr__(self) -> str:
         """Return the number of tie points in one line."""

@@ -28,6 +28,7 @@ from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose, exp, rotation_from_opk, transform
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame
 from acx4lib.geometry.parameters import MOUNT
+from acx4lib.model import Model
 
 FREE = INTERIOR[:8]
 """All interior parameters of the paper: f, xp, yp, k1, k2, k3, p1, p2; those without a lens."""
@@ -66,13 +67,17 @@ SIGMA_ATTITUDE = np.radians([0.005, 0.005, 0.008])
 
 @dataclass(frozen=True, kw_only=True)
 class Strip:
-    """A strip along the x axis: number of images, height over ground, base and place aside, m."""
+    """A strip: number of images, height over ground, base and place aside, m.
+
+    It is flown along the x axis, or across.
+    """
 
     n: int
     height_m: float
     base_m: float
     aside_m: float = 0.0
     turned: bool = False
+    across: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,7 +195,7 @@ def fly(
 
 def network(made: Made) -> Network:
     """Return the single step of a block, with start values that lie off the truth."""
-    ready = adjust.mounted_orientation(made.block, free=FREE)
+    ready = adjust.mounted_orientation(made.block, Model(free=FREE))
     rng = np.random.default_rng(2)
     x_m = made.x_m + rng.uniform(-START_TIES_M, START_TIES_M, made.x_m.shape)
     x_m[made.block.control.point_idx] = made.block.control.x_m
@@ -206,14 +211,18 @@ def _fly(strips: Sequence[Strip], rng: np.random.Generator) -> Pose:
         along = forward * strip.base_m * (np.arange(strip.n) - (strip.n - 1) / 2)
         places = np.column_stack([along, np.full_like(along, strip.aside_m), np.zeros(strip.n)])
         places[:, 2] = GROUND_M + strip.height_m
+        if strip.across:
+            places = places @ rotation_from_opk(np.array([0.0, 0.0, np.pi / 2])).T
         r.append(places + np.clip(rng.standard_normal(places.shape), -2, 2) * [6.0, 8.0, 5.0])
-        heading = rotation_from_opk(np.array([0.0, 0.0, np.pi if strip.turned else 0.0]))
+        turn = np.pi * strip.turned + np.pi / 2 * strip.across
+        heading = rotation_from_opk(np.array([0.0, 0.0, turn]))
         R.append(heading @ exp(np.radians(np.clip(rng.standard_normal((strip.n, 3)), -2, 2))))
     return Pose(R=np.concatenate(R), r=np.concatenate(r))
 
 
 def _half_extent(strips: Sequence[Strip]) -> np.ndarray:
     """Return half the length and width of what the images' centres span, m."""
+    strips = [strip for strip in strips if not strip.across]
     along = max(strip.base_m * (strip.n - 1) / 2 for strip in strips)
     return np.array([along, max(abs(strip.aside_m) for strip in strips)])
 

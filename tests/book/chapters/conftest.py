@@ -5,6 +5,7 @@ import pytest
 from acx4files import flight as flights
 from acx4files.stages import heads
 from acx4lib.calibration import mounting
+from acx4lib.model import Model
 from support.flights import in_heads
 from support.flights.simulated import fly
 
@@ -31,7 +32,7 @@ def ideal():
 
 @pytest.fixture(scope="session")
 def mountings(ideal):
-    return mounting.calibrate(ideal.calibration, free=ideal.estimate_mounting)
+    return mounting.calibrate(ideal.calibration, Model(free=ideal.estimate_mounting))
 
 
 @pytest.fixture(scope="session")

@@ -20,6 +20,7 @@ from acx4lib.calibration import mounting
 from acx4lib.calibration.mounting import single_step
 from acx4lib.design import flying_heights
 from acx4lib.geometry.collinearity import refraction_taken_up
+from acx4lib.model import Model
 from acx4sim.designs import acx4_ideal_plan
 
 # --- design ----------------------------------------------------------------------------------
@@ -181,9 +182,9 @@ def test_the_variance_of_unit_weight_gives_a_shift_away(shifts):
 def test_noisier_heights_are_seen_in_f_and_lever_z():
     flown = fly_and_read("acx4-ideal", 1, weights.WHITE)
     noisy = {s: weights.with_height_noise(flown.block, s) for s in (0.005, 0.02, 0.08)}
-    how = {"free": flown.flight.estimate_mounting, "snooping": False}
+    model = Model(free=flown.flight.estimate_mounting)
     table = weights.height_noise_table(
-        {s: mounting.single_step(block, **how) for s, block in noisy.items()}
+        {s: mounting.single_step(block, model, snooping=False) for s, block in noisy.items()}
     )
     for name in ("sigma_f_mm", "sigma_lever_z_m"):
         assert table[name].is_monotonic_increasing
@@ -202,7 +203,7 @@ def test_refraction_taken_up_is_what_a_calibration_is_wrong_by():
     The block's points are in other places of the images than on a radius: within a sixth.
     """
     exact = fly_and_read("acx4-ideal", 1, replace(weights.EXACT, refraction="standard"))
-    fit = single_step(exact.block, free=exact.flight.estimate_mounting, snooping=False)
+    fit = single_step(exact.block, Model(free=exact.flight.estimate_mounting), snooping=False)
     errors = weights.errors(exact, fit)["value"]
     block = exact.block
     camera, height = block.cameras[0], block.frame.to_geographic(block.trajectory.T_m_b.r)[:, 2]

@@ -14,6 +14,7 @@ from acx4lib.calibration.mounting import single_step, two_step
 from acx4lib.georeferencing import budget
 from acx4lib.georeferencing.budget import SOURCES, like, over_ground
 from acx4lib.georeferencing.validation import validate
+from acx4lib.model import Model
 from support.figures import drawn, panels
 
 
@@ -21,8 +22,8 @@ from support.figures import drawn, panels
 def found():
     flight = simulated.fly_and_read("acx4-ideal", 1, blocks=("calibration", "validation")).flight
     block, free = flight.block("validation"), flight.estimate_mounting
-    single = single_step(flight.calibration, free=free)
-    two = two_step(flight.calibration, free=free, after=single)
+    single = single_step(flight.calibration, Model(free=free))
+    two = two_step(flight.calibration, Model(free=free), after=single)
     methods = {"two_step": two.calibration, "single_step": single.calibration}
     validations = {name: validate(block, one, method=name) for name, one in methods.items()}
 

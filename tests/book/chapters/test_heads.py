@@ -20,6 +20,7 @@ from acx4lib.calibration.heads import (
 from acx4lib.calibration.held import of_bundle
 from acx4lib.design import with_focal_lengths
 from acx4lib.errors import AdjustmentError
+from acx4lib.model import Model
 from support.flights.simulated import HEADS
 
 
@@ -36,7 +37,7 @@ def hold(flown, heads):
         f = {name: fit.cameras[0].interior.f for name, fit in heads.bundles.items()}
         f |= {name: f[name] + change_mm for name in only or f}
         block, free = with_focal_lengths(flown.flight.heads, f), flown.flight.estimate_heads
-        return calibrate_heads(block, f, free=free, after=heads)
+        return calibrate_heads(block, f, Model(free=free), after=heads)
 
     return held
 
@@ -97,7 +98,7 @@ def test_only_the_sum_of_squares_minds_a_wrong_focal_length(held, heads, flown):
     nothing = {title: Failed(method="", reason="", error=AdjustmentError("")) for title in held}
     table = chapter.held(held, nothing, held[0.0])
     free = calibrate_heads(
-        flown.flight.heads, HEADS, free=("f", *flown.flight.estimate_heads), after=heads
+        flown.flight.heads, HEADS, Model(free=("f", *flown.flight.estimate_heads)), after=heads
     )
     off = {
         change: [
@@ -148,5 +149,5 @@ def test_a_head_that_cannot_be_adjusted_is_missing(flown, heads):
     block = flown.flight.heads
     of_cam1 = block.images.camera_idx[block.image_points.image_idx] == 0
     some = replace(block, image_points=block.image_points[~of_cam1])
-    found = calibrate_heads(some, HEADS, free=("xp",), after=heads)
+    found = calibrate_heads(some, HEADS, Model(free=("xp",)), after=heads)
     assert set(found.bundles) == {"CAM2", "CAM3", "CAM4"}

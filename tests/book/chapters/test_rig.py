@@ -22,6 +22,7 @@ from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.design import unshared
 from acx4lib.geometry.camera import Interior
 from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_opk
+from acx4lib.model import Model
 from acx4lib.tie_points.ties import refine_by_mean_differences, shared_points
 from acx4sim import optics
 from support import blocks
@@ -52,13 +53,13 @@ def ways():
     names = [camera.name for camera in block.cameras]
     held, with_f = (
         heads.relative_orientation(
-            heads.calibrate_heads(block, names, free=free), in_heads.SYNTHETIC, weak=True
+            heads.calibrate_heads(block, names, Model(free=free)), in_heads.SYNTHETIC, weak=True
         )
         for free in (in_heads.FREE, ("f", *in_heads.FREE))
     )
     rigid, apart = (
         calibration_rig.relative_orientation(
-            calibration_rig.calibrate(one, free=in_heads.FREE), in_heads.SYNTHETIC, weak=True
+            calibration_rig.calibrate(one, Model(free=in_heads.FREE)), in_heads.SYNTHETIC, weak=True
         )
         for one in (block, unshared(block))
     )
@@ -185,7 +186,7 @@ def test_misfits_and_deformations_are_as_large_as_predicted():
     for seed in in_heads.SEEDS:
         one = in_heads.flown(seed)
         synthetic = one.flight.cameras["SYN"]
-        found = calibration_rig.calibrate(one.flight.heads, free=one.flight.estimate_heads)
+        found = calibration_rig.calibrate(one.flight.heads, Model(free=one.flight.estimate_heads))
         heads = tuple(as_they_are(c, one.truth) for c in found.calibration.cameras)
         exact = replace(found, calibration=replace(found.calibration, cameras=heads))
         error = deformation(
@@ -205,7 +206,7 @@ def test_misfits_and_deformations_are_as_large_as_predicted():
 
 
 def test_estimates_lie_within_four_standard_deviations_of_the_truth_beside_them(flight, stage):
-    table = stage.rig.table()
+    table = stage.table()
     beside = beside_truth(flight, table)
     assert beside["error (σ)"].notna().sum() == 48
     assert beside["error (σ)"].abs().max() < 4
@@ -219,6 +220,6 @@ def test_estimates_lie_within_four_standard_deviations_of_the_truth_beside_them(
 
 def test_a_flight_that_was_not_simulated_has_no_truth(flight, stage, tmp_path):
     measured = replace(flight, pictures=tmp_path)
-    assert rig.true_orientation(measured, stage.rig) is None
-    assert beside_truth(measured, stage.rig.table()).shape == (48, 0)
-    assert beside_truths(measured, {"rig": stage.rig.table()}).shape == (48, 0)
+    assert rig.true_orientation(measured, stage) is None
+    assert beside_truth(measured, stage.table()).shape == (48, 0)
+    assert beside_truths(measured, {"rig": stage.table()}).shape == (48, 0)

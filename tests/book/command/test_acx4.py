@@ -15,7 +15,7 @@ from acx4book.command.acx4 import main
 from acx4book.notebooks import runner
 from acx4files.results import folder as results
 from acx4files.results import provenance
-from acx4files.results.own_folder import LOCK
+from acx4files.results.whole_files import LOCK
 from support.flights.written import change
 from support.helpers import hears_interrupts, repeats, write_notebook
 

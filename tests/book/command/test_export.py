@@ -50,19 +50,6 @@ def test_images_of_a_later_flight_are_oriented_by_it(acx4, rig, tmp_path):
     assert own == lines  # its trajectory is that of the calibration
 
 
-def test_angles_of_a_rig_are_written_where_its_lenses_cannot_be(acx4, rig, tmp_path):
-    out = tmp_path / "out"
-    options = ("--to", "micasense", "--allow", "1e-9", "--out", out)
-    status, said, wrong = acx4("export", rig, *options)
-    assert (status, wrong) == (0, "")
-    assert "left out: lenses: " in said
-    assert "the other program's lens differs by" in (out / "export.md").read_text()
-    tags = (out / "xmp_tags.txt").read_text()
-    assert tags.count("Camera:RigRelatives = ") == 2
-    assert "Perspective" not in tags
-    assert len((out / "rig_relatives.csv").read_text().splitlines()) == 3
-
-
 @pytest.mark.parametrize(
     ("options", "line"),
     [

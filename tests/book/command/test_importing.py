@@ -28,12 +28,13 @@ from support.projects import colmap, metashape, opf, scene
 LIST = "P1 C\n1006 -1.5 1.5\n1020 3.0 -0.75\n-99\n"
 CONTROL = "WGS84 UTM 22S\n669850.0 7187900.0 900.0 10 20 a.jpg\n"
 MODEL = {"projection_type": "perspective", "width": 400, "height": 300, "focal": 0.9}
+SHOT = {"camera": "m", "rotation": [0, 0, 0], "translation": [0, 0, 0]}
 MICMAC = """<SetOfMesureAppuisFlottants><MesureAppuiFlottant1Im><NameIm>a.JPG</NameIm>
 <OneMesureAF1I><NamePt>P</NamePt><PtIm>1 2</PtIm></OneMesureAF1I>
 </MesureAppuiFlottant1Im></SetOfMesureAppuisFlottants>"""
 SIZED = ("--size", "400x300")
 KINDS_BLOCKS = {
-    "opensfm": (json.dumps({"m": MODEL}), ()),
+    "opensfm": (json.dumps({"cameras": {"m": MODEL}, "shots": {"a.jpg": SHOT}}), ()),
     "micmac": (MICMAC, ()),
     "bingo": (LIST, (*SIZED, "--pixel-um", 20)),
     "patb": (LIST, (*SIZED, "--pixel-um", 20, "--unit", "mm")),

@@ -13,6 +13,7 @@ from acx4lib.calibration import mounting
 from acx4lib.geometry import collinearity, intersection
 from acx4lib.geometry.camera import Interior, colrow_from_xy
 from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk
+from acx4lib.model import Model
 from support.helpers import numeric_jacobian
 
 
@@ -23,7 +24,7 @@ def fitted():
 
 @pytest.fixture(scope="module")
 def bundle():
-    return mounting.single_step(example.block(), free=(), fix=("lever_arm",)).bundle
+    return mounting.single_step(example.block(), Model(fix=("lever_arm",))).bundle
 
 
 def moved(state, dx):

@@ -14,6 +14,7 @@ from acx4book.foundations.designs import covariance, lines, planned
 from acx4book.foundations.example import matrix
 from acx4lib.calibration import mounting
 from acx4lib.geometry.frames import Pose, exp, log
+from acx4lib.model import Model
 
 TRUE = np.radians([example.TRUTH[f"{name}_deg"] for name in ("omega", "phi", "kappa")])
 
@@ -73,7 +74,7 @@ def by_hand():
 
 def test_the_library_calibrates_it_as_it_is_done_by_hand(by_hand):
     boresight, cov, square = by_hand
-    step = mounting.single_step(example.block(), free=(), fix=("lever_arm",))
+    step = mounting.single_step(example.block(), Model(fix=("lever_arm",)))
     R = step.calibration.cameras[0].T_b_c.R
     assert_allclose(R, axes_turned(*boresight).T, atol=1e-7)  # a fiftieth of the last digit given
     assert_allclose(step.calibration.cov, cov, rtol=2e-2, atol=1e-11)
@@ -106,7 +107,7 @@ def right():
 
 def calibrated(block):
     """Return focal length, its sigma, and the boresight."""
-    fit = mounting.single_step(block, free=("f",), fix=("lever_arm",)).calibration
+    fit = mounting.single_step(block, Model(free=("f",), fix=("lever_arm",))).calibration
     camera = fit.cameras[0]
     return camera.interior.f, np.sqrt(fit.cov[0, 0]), camera.T_b_c.R
 
@@ -188,7 +189,9 @@ def test_planned_standard_deviations_are_those_of_simulated_flights():
     rng = np.random.default_rng(1)
     n, square = 40, 0.0
     for _ in range(n):
-        camera = mounting.single_step(errors_drawn(block, rng), free=["f"]).calibration.cameras[0]
+        camera = mounting.single_step(
+            errors_drawn(block, rng), Model(free=["f"])
+        ).calibration.cameras[0]
         opk = np.degrees(camera.T_b_c.opk)
         d = np.array([camera.interior.f, *camera.T_b_c.r, *opk]) - truth
         square += d @ np.linalg.solve(cov, d)

@@ -6,7 +6,7 @@ import pytest
 import acx4sim
 from support.changed_notebook import changed
 
-CHOICES = "names, free, refraction = flight.head_names, flight.estimate_heads, flight.refraction\n"
+CHOICES = "names, model = flight.head_names, flight.heads_model\n"
 BLOCK = "block = flight.heads\n"
 
 
@@ -43,7 +43,7 @@ def test_the_equations_by_hand_are_the_librarys(as_it_is):
 
 
 def test_an_estimated_focal_length_comes_near_the_one_that_gnss_asks_for(run, as_it_is):
-    free = run(CHOICES, 'free = ("f", *free)')
+    free = run(CHOICES, 'model = replace(model, free=("f", *model.free))')
     found = free["interior"].xs("f", level="parameter")
     assert np.all((found["sigma"] > 0.02) & (found["sigma"] < 0.5))
     asked = [as_it_is["asked"][head] for head in found.index.get_level_values("camera")]

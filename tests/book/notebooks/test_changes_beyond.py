@@ -277,7 +277,7 @@ def test_the_cheapest_good_flight_is_cheaper_and_within_what_is_allowed(as_it_is
 # --- Chapter 16 changed as it suggests, and what it computes by hand and in its exercises
 
 
-READ = "calibrations = validation.calibrations(flight, results_path)\n"
+READ = "block, calibrations = before.block, before.calibrations\n"
 
 
 @pytest.fixture(scope="module")

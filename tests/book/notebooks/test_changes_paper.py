@@ -155,7 +155,7 @@ def test_flights_that_lack_something_go_through(other, tmp_path, lacking):
 # --- Chapter 3 changed as it suggests: one argument, and everything below follows ------------
 
 
-CHOICES_03 = "free, fix, gnss = flight.estimate_mounting, flight.fix, flight.gnss"
+CHOICES_03 = "model, weights = flight.model, flight.weights"
 MEASURED_03 = "block = mounting.measured(flight, results_path)\n"
 
 
@@ -188,7 +188,7 @@ def test_the_two_methods_by_hand_are_the_librarys(as_it_is_03):
 
 
 def test_a_held_lever_arm_is_held_in_every_table_below(run_03, as_it_is_03):
-    held = run_03(fix=(CHOICES_03, f'{CHOICES_03}\nfix = ("lever_arm",)'))
+    held = run_03(fix=(CHOICES_03, f'{CHOICES_03}\nmodel = replace(model, fix=("lever_arm",))'))
     for axis in "xyz":
         assert np.isnan(sigma_03(held, f"lever {axis}"))
         assert sigma_03(as_it_is_03, f"lever {axis}") > 0
@@ -219,9 +219,9 @@ def test_without_control_the_boresight_stays_and_the_two_step_method_is_left_out
 # --- Chapter 4 changed as it suggests: one argument, and everything below follows ------------
 
 
-CHOICES_04 = "refraction, smallest_angle = flight.refraction, block.smallest_angle"
+CHOICES_04 = "model, smallest_angle = flight.model, block.smallest_angle"
 FACTORS = "factors: dict[str, float] = {}"
-READ_04 = "calibrations = stages_validation.calibrations(flight, results_path, calibration_path)\n"
+READ_04 = "calibrations = before.calibrations\n"
 
 
 @pytest.fixture(scope="module")
@@ -266,7 +266,7 @@ def test_chi_square_by_hand_is_the_librarys(as_it_is_04):
 
 
 def test_wider_angles_leave_fewer_and_better_pairs_and_the_same_points(run_04, as_it_is_04):
-    wide = run_04({CHOICES_04: "refraction, smallest_angle = flight.refraction, np.radians(30)"})
+    wide = run_04({CHOICES_04: "model, smallest_angle = flight.model, np.radians(30)"})
     assert wide["validated"].n_failed > as_it_is_04["validated"].n_failed
     assert of(wide, "pairs")["RMS"]["height"] < 0.6 * of(as_it_is_04, "pairs")["RMS"]["height"]
     assert of(wide, "points").equals(of(as_it_is_04, "points"))

@@ -42,15 +42,6 @@ def tables(folder):
 
 
 @pytest.mark.slow
-@pytest.mark.repeats  # `test_all_notebooks` has the notebooks of one camera
-def test_the_results_are_those_of_the_notebooks(tmp_path, flight_path):
-    runner.run(flight_path, tmp_path / "results", notebooks=NOTEBOOKS_PATH)
-    executed = tables(tmp_path / "results")
-    runner.run(flight_path, tmp_path / "results")
-    assert tables(tmp_path / "results") == executed
-
-
-@pytest.mark.slow
 @pytest.mark.repeats  # `test_payloads` has all notebooks of a flight of heads
 def test_the_results_of_heads_and_rig_are_those_of_the_notebooks(tmp_path):
     """Also in a folder of a run with notebooks, which are gone with their results."""

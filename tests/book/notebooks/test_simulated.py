@@ -16,11 +16,11 @@ from acx4files.flight.reader import read
 from acx4files.results import folder
 from acx4files.stages import mounting as stages_mounting
 from acx4files.stages import rig
-from acx4lib.calibration import mounting
+from acx4lib.calibration import diagnosis, mounting
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.trajectory_errors import parameters as gnss_parameters
-from acx4lib.georeferencing import weak
 from acx4lib.georeferencing.validation import validate
+from acx4lib.model import Model
 from acx4sim.designs import PLANS
 from acx4sim.files import write_files
 from acx4sim.plan import Options
@@ -117,9 +117,9 @@ def agreement(plan, flight):
     ratios = {}
     for method, planned in found.mountings.items():
         if method == "single_step":
-            run = stages_mounting.calibrate(flight).single_step
+            run = stages_mounting.calibrate(flight)["single_step"]
         else:
-            run = rig.calibrate(flight, method=method).rig
+            run = rig.calibrate(flight, method=method)
         unit = np.sqrt(run.bundle.solution.sigma0_sq)
         before = [*parameters(planned.calibration), *gnss_parameters(planned.bundle)]
         after = [*parameters(run.calibration), *gnss_parameters(run.bundle)]
@@ -248,7 +248,7 @@ def flights_of_a_plan_flown(plan, seed, *, change=None, **options):
 
 def calibrated(flight):
     return mounting.single_step(
-        flight.calibration, free=flight.estimate_mounting, fix=flight.fix, gnss=flight.gnss
+        flight.calibration, Model(free=flight.estimate_mounting, fix=flight.fix, gnss=flight.gnss)
     )
 
 
@@ -328,7 +328,7 @@ def test_delays_of_strips_at_two_speeds_come_out_without_bias(planted):
         found = calibrated(flights_of_a_plan_flown(plan, seed, blocks=("calibration",), **how))
         (delay,) = gnss_parameters(found.bundle)
         assert "gnss_delay_s" not in {
-            w.parameter.name for w in weak.of_bundle(found.bundle, found.calibration)
+            w.parameter.name for w in diagnosis.of(found.bundle, found.calibration).weak()
         }
         z.append((delay.value - DELAY_S) / delay.sigma)
     assert abs(np.mean(z)) < 2.6 / np.sqrt(N_DELAYED)
@@ -346,7 +346,7 @@ def test_a_delay_at_one_speed_is_weak_in_plan_and_flight_and_without_bias():
         )
         found = calibrated(flight)
         assert "gnss_delay_s" in {
-            w.parameter.name for w in weak.of_bundle(found.bundle, found.calibration)
+            w.parameter.name for w in diagnosis.of(found.bundle, found.calibration).weak()
         }
         (delay,) = gnss_parameters(found.bundle)
         assert delay.sigma > 0.002  # not carried by the jitter of single exposures
@@ -385,9 +385,9 @@ def test_a_weak_parameter_is_named_by_the_run_which_has_its_row_and_succeeds(wea
     row = folder.parameters(found, "mounting/single_step", "CAM").loc["lever_z_m"]
     entry = found.summary["mounting/single_step"]["weak_parameters"]["CAM/lever_z_m"]
     assert entry["sigma"] == pytest.approx(row["sigma"])
-    assert entry["calm_ratio"] > weak.RESTS
+    assert entry["calm_ratio"] > diagnosis.RESTS
     shares = found.summary["validation/single_step"]["weak_parameters"]
-    assert shares["CAM/lever_z_m"]["share"] > weak.MOST
+    assert shares["CAM/lever_z_m"]["share"] > diagnosis.MOST
 
 
 def test_the_plan_names_the_same_parameters_as_its_flight(weak_run):

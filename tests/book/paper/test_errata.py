@@ -202,7 +202,7 @@ def test_interior_orientation_absorbed_the_lever_arm():
 def absorbed_by_the_study():
     """By the simulated flight without noise, whose lever arm is Table 3's."""
     flight = fly("acx4-ideal", seed=1, blocks=("calibration",), exact=True).flight
-    return absorption(mounting.calibrate(flight, flight.calibration).mountings)
+    return absorption(mounting.calibrate(flight, flight.calibration))
 
 
 def test_effective_heights_explain_the_paper_to_millimetres(absorbed_by_the_study):

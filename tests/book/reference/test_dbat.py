@@ -22,6 +22,7 @@ from acx4lib.calibration.estimates import from_bundle
 from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
 from acx4lib.geometry.collinearity import project as collinearity_project
 from acx4lib.least_squares.covariance import sigmas
+from acx4lib.model import Model
 from support.helpers import needs
 
 # --- two adjustments by another program, reproduced digit by digit ---------------------------
@@ -143,7 +144,9 @@ def block(adjusted):
 
 def campaign(block, images):
     part = select_images(block, np.isin(np.arange(len(block.images)), images))
-    network = replace(adjust.free_orientation(part, free=dbat_files.FREE), distortion_at="measured")
+    network = replace(
+        adjust.free_orientation(part, Model(free=dbat_files.FREE)), distortion_at="measured"
+    )
     bundle = adjust.adjust(network)
     return Campaign(
         name=part.images.names[0],

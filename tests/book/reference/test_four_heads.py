@@ -6,11 +6,12 @@ import pytest
 
 from acx4book.reference import four_heads
 from acx4files.flight import reader
+from acx4files.results.sentences import not_determined
 from acx4lib.block import select_images
-from acx4lib.calibration.estimates import not_determined
 from acx4lib.calibration.mounting import single_step
 from acx4lib.calibration.rig import relative_orientation
 from acx4lib.georeferencing.validation import predict
+from acx4lib.model import Model
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +68,7 @@ def test_self_calibrated_heads_predict_pictures_that_the_factorys_do_not(flight,
     rest, held_out = select_images(block, ~out), select_images(block, out)
     found = {}
     for free in ((), ("f", *flight.estimate_heads)):
-        calibration = single_step(rest, free=free, fix=("lever_arm",)).calibration
+        calibration = single_step(rest, Model(free=free, fix=("lever_arm",))).calibration
         found[free] = predict(held_out, calibration, method="rig")
     factory, own = found.values()
     assert own.chi_square_p > 0.01
@@ -78,7 +79,7 @@ def test_self_calibrated_heads_predict_pictures_that_the_factorys_do_not(flight,
 
 def test_what_the_heads_have_in_common_may_be_open_if_their_differences_are_not(flight, block):
     free = ("f", *flight.estimate_heads)
-    levers = single_step(block, free=free, gnss=("deviation",))
+    levers = single_step(block, Model(free=free, gnss=("deviation",)))
     (open_,) = not_determined(levers.calibration)
     assert open_.startswith("lever_z_m of 1 Green, 2 Red, 3 Red edge, 4 NIR is not determined")
     oriented = relative_orientation(levers, flight.synthetic_camera)

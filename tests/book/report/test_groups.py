@@ -10,7 +10,7 @@ from scipy import stats
 from acx4book.report.groups import GROUPS, qualities
 from acx4book.report.material import read
 from acx4files.results import folder as results
-from acx4files.results.table_files import COMPONENTS
+from acx4files.results.folder import COMPONENTS
 from acx4lib.bundle.rejections import noncentrality
 from support.run_results import SINGLE, stamp
 

@@ -28,6 +28,7 @@ from acx4files.stages.mounting import calibrate
 from acx4lib.calibration.mounting import single_step
 from acx4lib.errors import FlightError
 from acx4lib.georeferencing.validation import validate
+from acx4lib.model import Model
 from acx4sim.plan import Options
 from support.helpers import ROOT
 
@@ -46,8 +47,8 @@ def test_fewer_strips_are_a_flight_with_fewer_rows(key, solved):
         "calibration/image_points.csv": points[points["image"].isin(kept["image"])],
     }
     case = flights.case_of(replace(flight, tables=fewer))
-    single = calibrate(case.flight).mountings["single_step"].calibration
-    sigma = tables.parameters(single).set_index("parameter")["sigma"]
+    single = calibrate(case.flight)["single_step"].calibration
+    sigma = tables.calibration_tables(single)["parameters"].set_index("parameter")["sigma"]
     _, right = solved("lab-8", "Ada")
     for name in ("f_mm", "lever_x_m", "lever_z_m"):
         assert right[f"sigma_one_height_{name}"].value == pytest.approx(sigma[name], rel=1e-6)
@@ -68,7 +69,7 @@ def test_the_lesson_shows_for_every_student(solved):
 def test_the_statistics_are_those_of_others(solved):
     case, right = solved("lab-7", "Ada")
     found = {name: one.value for name, one in right.items()}
-    single = calibrate(case.flight).mountings["single_step"].calibration
+    single = calibrate(case.flight)["single_step"].calibration
     d = validate(case.flight.block("validation"), single, method="single_step").points.d
     height = d[:, 2].tolist()
     assert found[calibrations.N] == len(d)
@@ -118,7 +119,7 @@ def test_what_was_planted_is_what_the_library_finds(solved):
     for k in range(6):
         case, right = solved("lab-5", f"Student {k}")
         block = case.block
-        bundle = calibrate(case.flight).mountings["single_step"].bundle
+        bundle = calibrate(case.flight)["single_step"].bundle
         point = block.points[block.control.point_idx[strongest(bundle, "control_point")]]
         assert digits_of(point) == right["control_point"].truth
         for kind, question in (("gnss", "gnss_exposure"), ("attitude", "attitude_exposure")):
@@ -187,7 +188,7 @@ def test_a_mistake_made_in_the_flights_files_is_named(changed, says, key, solved
 
 def test_the_distortion_is_browns_formula(solved):
     case, right = solved("lab-4", "Ada")
-    of = calibrate(case.flight).mountings["single_step"].calibration.cameras[0].interior
+    of = calibrate(case.flight)["single_step"].calibration.cameras[0].interior
     radial, (dx, dy) = (
         [right[n].value for n in names] for names in (calibrations.RADIAL, calibrations.AT_PLACE)
     )
@@ -341,7 +342,7 @@ def test_a_student_who_plans_flies_and_adjusts_has_all_points(key, tmp_path, sol
     seed = int(given.partition("--seed ")[2].split("`")[0])
     flown = simulate(found, seed=seed, options=Options())
     case = flights.case_of(flown)
-    estimates = single_step(case.block, free=case.flight.estimate_mounting).calibration
+    estimates = single_step(case.block, Model(free=case.flight.estimate_mounting)).calibration
     _, right = solved("lab-9", "Ada")
     value = estimates.cameras[0].interior.f
     assert right["f_mm"].value == pytest.approx(value, abs=1e-9)
@@ -481,8 +482,8 @@ def test_the_folder_of_a_name_is_safe(name, folder):
     assert len(flights.folder_name("lab-6", "é" * 200).encode()) < 255
 
 
-@pytest.mark.parametrize("content", [None, b"", b"secret", b"x" * 5000])
-def test_a_key_that_is_missing_short_or_long_is_refused_with_the_cure(tmp_path, content):
+@pytest.mark.parametrize("content", [None, b"", b"secret"])
+def test_a_key_that_is_missing_or_short_is_refused_with_the_cure(tmp_path, content):
     path = tmp_path / "key.txt"
     if content is not None:
         path.write_bytes(content)

@@ -4,7 +4,6 @@ import datetime as dt
 import tomllib
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import pyproj
 import pytest
@@ -13,18 +12,14 @@ from numpy.testing import assert_allclose
 from acx4files import flight
 from acx4files.exchange import coordinates, flight_folder
 from acx4files.exchange.flight_folder import ImportedFlight
-from acx4files.exchange.opencv import from_opencv, to_opencv
 from acx4files.exchange.project import (
+    columns,
     first_use,
-    image_points,
     require_names,
     trajectory_in_grid,
     without_doubles,
 )
 from acx4lib.errors import FlightError, OutputError
-from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
-from acx4lib.geometry.collinearity import project
-from acx4lib.geometry.frames import Pose
 
 POINTS = {"point": ["A", "B,1"], "east_m": [1.5, 2.0], "north_m": [0.1, 0.2], "height_m": [3, 4]}
 CAMERA = {"cameras": {"C 1": {"width_px": 10, "focal_mm": 8.25}}}
@@ -110,8 +105,6 @@ def test_a_folder_of_somebody_else_is_not_written_into(tmp_path):
     (tmp_path / "flight.toml").write_text("")
     with pytest.raises(OutputError, match="did not write"):
         flight_folder.write(control(), tmp_path)
-    with pytest.raises(OutputError, match="lies in the flight"):
-        flight_folder.write(control(), tmp_path / "inside")
 
 
 def test_pictures_get_their_place(tmp_path):
@@ -274,8 +267,8 @@ def test_a_form_that_is_not_edited_line_by_line_is_written_anew():
 
 
 def test_numbers_have_the_digits_that_they_need():
-    points = image_points(["a"], ["1"], np.array([[1.23456789, 2.0]]))
-    assert points == {"image": ["a"], "point": ["1"], "col_px": [1.2346], "row_px": [2.0]}
+    points = columns("col_px row_px", np.array([[1.23456789, 2.0]]))
+    assert points == {"col_px": [1.2346], "row_px": [2.0]}
     table = trajectory_in_grid(
         ["a"], np.array([[1.123456789, 2.0, 3.0]]), np.radians([[0.1, 0.2, 1 / 3]])
     )
@@ -293,7 +286,7 @@ def test_names_that_stand_twice_get_the_program_s_number():
     ("name", "said"), [("", "is empty"), ("=a", "would be computed"), ("a\nb", "U\\+000A")]
 )
 def test_a_name_that_no_flight_may_use_is_refused(name, said):
-    def wrong(name, found, expected):
+    def wrong(found, expected):
         return FlightError([f"f:1: name: {found}; {expected}"])
 
     with pytest.raises(FlightError, match=f"f:1: name: .*{said}"):
@@ -357,91 +350,3 @@ def test_what_cannot_be_used_is_told(text, place, wanted, message):
 def test_axes_are_those_of_the_system():
     assert coordinates.is_north_first(coordinates.parsed("EPSG:4326"))
     assert not coordinates.is_north_first(coordinates.parsed("EPSG:31982"))
-
-
-# --- cameras to and from OpenCV, held against OpenCV's own projection and undistortion -------
-
-
-HEAD = Camera(  # Table 1 and section 3.1 of the paper, CAM1
-    name="CAM1",
-    width_px=8984,
-    height_px=6732,
-    pixel_mm=0.006,
-    interior=Interior(
-        f=74.1, xp=0.12, yp=-0.08, k1=2.27e-6, k2=-1.1e-10, p1=3.3e-6, p2=-7.2e-6, b1=2e-4
-    ),
-)
-LEVEL = Pose(R=np.eye(3)[None], r=np.zeros((1, 3)))
-
-
-def ahead(camera):
-    """Points all over the image, 100 m from the camera, in its axes."""
-    half = 0.49 * camera.pixel_mm * np.array([camera.width_px, camera.height_px])
-    x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(-h, h, 9) for h in half)))
-    return 100 * np.column_stack([x, y, np.full(81, -camera.interior.f)]) / camera.interior.f
-
-
-def seen_by_opencv(camera, x_c):
-    points, zero = x_c * [1, -1, -1], np.zeros(3)
-    return cv2.projectPoints(points, zero, zero, camera.matrix, camera.distortion)[0][:, 0]
-
-
-def test_opencv_projects_points_to_where_the_library_does():
-    """As closely as it says, and no closer: the misfit is that of the two polynomials."""
-    x_c, found = ahead(HEAD), to_opencv(HEAD)
-    apart = np.linalg.norm(seen_by_opencv(found, x_c) - project(HEAD, LEVEL, x_c), axis=1)
-    assert (
-        apart.max() <= 1.001 * found.left.largest_px
-    )  # the corners are not among the nodes' image
-    assert apart.max() > 0.3 * found.left.largest_px
-    assert found.left.largest_px < 0.03  # of some 20 px of distortion
-
-
-def test_a_camera_without_distortion_is_the_same_to_opencv():
-    plain = replace(HEAD, interior=Interior(f=74.1, xp=0.12, yp=-0.08, b1=2e-4))
-    found = to_opencv(plain)
-    assert_allclose(found.distortion, 0.0, atol=1e-12)
-    assert_allclose(
-        seen_by_opencv(found, ahead(plain)), project(plain, LEVEL, ahead(plain)), atol=1e-8
-    )
-
-
-def test_a_camera_comes_back_from_opencv():
-    found = to_opencv(HEAD)
-    back, left = from_opencv(
-        found.matrix, found.distortion, name="CAM1", width_px=8984, height_px=6732, pixel_mm=0.006
-    )
-    x_c = ahead(HEAD)
-    apart = np.linalg.norm(project(back, LEVEL, x_c) - project(HEAD, LEVEL, x_c), axis=1)
-    assert apart.max() < 2 * (left.largest_px + found.left.largest_px)
-    assert_allclose(
-        back.interior.to_array()[:3], HEAD.interior.to_array()[:3], rtol=1e-12, atol=1e-12
-    )
-    assert_allclose(back.interior.b1, HEAD.interior.b1, atol=1e-12)
-
-
-@pytest.mark.parametrize("n", [4, 5, 8])
-def test_ideal_points_are_opencvs_own_undistortion(n):
-    """A consumer's camera with strong distortion; eight coefficients are the rational model."""
-    matrix = np.array([[3000.0, 0.0, 2010.0], [0.0, 3003.0, 1490.0], [0.0, 0.0, 1.0]])
-    distortion = np.array([-0.11, 0.08, 3e-4, -2e-4, -0.02, 0.01, 0.02, 0.001])[:n]
-    camera, left = from_opencv(
-        matrix, distortion, name="C", width_px=4000, height_px=3000, pixel_mm=0.002
-    )
-    colrow = np.array([[0.0, 0.0], [3999.0, 10.0], [2000.0, 2999.0], [777.0, 888.0]])
-    ideal = correct(camera.interior, xy_from_colrow(camera, colrow)) / camera.interior.f * [1, -1]
-    x_c, zero = np.column_stack([ideal, np.ones(len(ideal))]), np.zeros(3)
-    seen = cv2.projectPoints(x_c, zero, zero, matrix, distortion)[0][:, 0]
-    assert np.hypot(*(seen - colrow).T).max() <= 1.01 * left.largest_px
-    assert left.largest_px < 1.0  # of some 100 px of distortion
-
-
-def test_what_is_no_camera_of_opencv_is_told():
-    matrix, size = np.diag([3000.0, 3000.0, 1.0]), {"width_px": 10, "height_px": 10}
-    with pytest.raises(
-        ValueError, match=r"len\(distortion\): expected one of 4, 5, 8, 12, 14, got 3"
-    ):
-        from_opencv(matrix, np.zeros(3), name="C", pixel_mm=0.002, **size)
-    matrix[0, 1] = 0.5
-    with pytest.raises(ValueError, match=r"matrix: expected no skew, got 0\.5"):
-        from_opencv(matrix, np.zeros(5), name="C", pixel_mm=0.002, **size)

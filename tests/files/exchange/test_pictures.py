@@ -70,21 +70,12 @@ def test_two_pictures_of_one_head_at_one_exposure_are_refused(tmp_path):
         read_folder(tmp_path)
 
 
-def test_a_jpeg_that_is_cut_in_half_is_refused(tmp_path):
-    path = tmp_path / "DJI_0001.JPG"
-    noise = np.random.default_rng(1).integers(0, 255, tagged.SIZE[::-1]).astype(np.uint8)
-    tagged.write(path, {"drone-dji:CalibratedFocalLength": 300}, pixels=noise)
+@pytest.mark.parametrize("name", ["DJI_0001.JPG", "IMG_0001_1.tif"])
+def test_a_picture_that_is_cut_off_is_refused(tmp_path, name):
+    path = tagged.write(tmp_path / name, tagged.micasense(0))
     assert read_folder(tmp_path).found
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    path.write_bytes(path.read_bytes()[:-100])
     with pytest.raises(FlightError, match="is cut off: its pixels have no end"):
-        read_folder(tmp_path)
-
-
-def test_a_tiff_that_is_cut_in_half_is_refused(tmp_path):
-    path = tagged.write(tmp_path / "IMG_0001_1.tif", tagged.micasense(0))
-    assert read_folder(tmp_path).found
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    with pytest.raises(FlightError, match=r"file: is cut off: it has \d+ bytes of at least \d+"):
         read_folder(tmp_path)
 
 
@@ -149,33 +140,24 @@ def test_the_angles_turn_a_ray_of_the_head_into_the_reference():
     assert down @ metadata.rotation(angles) @ down @ ray == pytest.approx(turned)
 
 
-def test_the_reference_leads_wherever_it_stands():
-    heads = [
-        metadata.Head(name=str(i), index=i, reference=r, relatives_deg=a)
-        for i, r, a in ((0, 1, (0.1, 0, 0)), (1, 1, (0, 0, 0)), (2, 1, (0, 0.2, 0)))
-    ]
-    assert [head.name for head in metadata.in_order(heads)] == ["1", "0", "2"]
-    assert "1" in metadata.sentence(heads)
+ONE_TURNED, UNTURNED, TWO_TURNED = (0.1, 0, 0), (0.0, 0, 0), (0, 0.2, 0)
 
 
-def test_where_no_head_names_a_reference_the_one_that_is_not_turned_leads():
-    angles = ((0.1, 0, 0), (0.0, 0, 0), (0, 0.2, 0))
+@pytest.mark.parametrize(
+    ("angles", "reference", "order", "says"),
+    [
+        ((ONE_TURNED, UNTURNED, TWO_TURNED), 1, "102", "reference, 1;"),
+        ((ONE_TURNED, UNTURNED, TWO_TURNED), None, "102", "no file names: 1, whose own angles are"),
+        ((ONE_TURNED, TWO_TURNED), None, "01", "no file names: 0, the first"),
+    ],
+)
+def test_the_reference_leads_wherever_it_stands(angles, reference, order, says):
     heads = [
-        metadata.Head(name=str(i), index=i, reference=None, relatives_deg=a)
+        metadata.Head(name=str(i), index=i, reference=reference, relatives_deg=a)
         for i, a in enumerate(angles)
     ]
-    assert [head.name for head in metadata.in_order(heads)] == ["1", "0", "2"]
-    assert "no file names: 1, whose own angles are zero" in metadata.sentence(heads)
-    turned = [heads[0], heads[2]]
-    assert [head.name for head in metadata.in_order(turned)] == ["0", "2"]
-    assert "no file names: 0, the first" in metadata.sentence(turned)
-
-
-def test_a_camera_looks_down_with_the_top_of_its_image_ahead():
-    ahead, up = np.array([1.0, 0, 0]), np.array([0, 0, 1.0])
-    assert pytest.approx(ahead) == metadata.DOWN @ [0, 1, 0]
-    assert pytest.approx(up) == metadata.DOWN @ [0, 0, 1]
-    assert np.linalg.det(metadata.DOWN) == pytest.approx(1)
+    assert "".join(head.name for head in metadata.in_order(heads)) == order
+    assert says in metadata.sentence(heads)
 
 
 # --- Vignetting and dark level by the metadata
@@ -184,23 +166,11 @@ def test_a_camera_looks_down_with_the_top_of_its_image_ahead():
 def test_the_polynomial_begins_with_the_radius(tmp_path):
     said = {metadata.VIGNETTING_CENTRE: [100, 50], metadata.VIGNETTING_POLYNOMIAL: [1e-3, -2e-5]}
     tags = read(tagged.write(tmp_path / "a.tif", said))
-    found = metadata.vignetting(tags).at(np.array([[100, 50], [103, 54]]))
+    found = metadata.vignetting(tags, np.array([[100, 50], [103, 54]]))
     assert found == pytest.approx([1.0, 1 + 5e-3 - 25 * 2e-5])
-    assert "1 head," in metadata.sentences([tags])[-1]
 
 
 # --- what other makers write
-
-
-def test_angles_without_a_reference_are_said_to_be_used(tmp_path):
-    """As Parrot's Sequoia has them: the first head is the reference."""
-    for k, angles in enumerate((None, *ANGLES[1:])):
-        said = tagged.micasense(k, relatives=angles)
-        said.pop("Camera:RigRelativesReferenceRigCameraIndex", None)
-        tagged.write(tmp_path / f"IMG_0007_{k + 1}.tif", said)
-    said = read_folder(tmp_path).assumed[-1]
-    assert said.startswith("RigRelatives a, b, c are degrees")
-    assert "which no file names: 1 Band0, the first" in said
 
 
 def test_a_clock_that_is_off_the_receiver_s_time_is_told(tmp_path):

@@ -16,7 +16,6 @@ from acx4files.exchange.project import (
     Trajectory,
     flight_of,
     grid_poses_of_ecef,
-    nowhere,
 )
 from acx4files.exchange.safe import Opened
 from acx4lib.errors import FlightError
@@ -82,7 +81,7 @@ def test_rays_of_points_without_a_place_must_meet():
 
 
 def test_images_that_the_trajectory_lacks_do_not_come_along():
-    brought = flight_of(PROJECT, orientations="adjusted")
+    brought = flight_of(replace(PROJECT, orientations="adjusted"))
     assert brought.tables["calibration/images.csv"]["image"] == ["a"]
     assert brought.tables["calibration/trajectory.csv"]["height_m"] == [10.0]
     assert brought.tables["calibration/image_points.csv"]["point"] == ["p", "q"]
@@ -93,20 +92,20 @@ def test_images_that_the_trajectory_lacks_do_not_come_along():
 
 
 def test_adjusted_orientations_need_a_place():
-    lost = replace(PROJECT, in_grid=nowhere(FILE.wrong("crs", "none", "give one")))
+    lost = replace(PROJECT, in_grid=FILE.wrong("crs", "none", "give one"))
     with pytest.raises(FlightError, match=r"x\.json:1: crs: none; give one"):
-        flight_of(lost, orientations="adjusted")
+        flight_of(replace(lost, orientations="adjusted"))
     assert flight_of(lost).left_out == ("1 adjusted orientation (--orientations adjusted)",)
 
 
 def test_what_was_measured_is_the_trajectory_where_it_is_asked_for():
     table = {"exposure": ["b"], "east_m": [1.0]}
     both = replace(PROJECT, trajectory=Trajectory(table=table, assumed=("north is up",)))
-    brought = flight_of(both, orientations="initial")
+    brought = flight_of(replace(both, orientations="initial"))
     assert brought.tables["calibration/trajectory.csv"] == table
     assert brought.tables["calibration/images.csv"]["image"] == ["b"]
     assert "north is up" in brought.assumed
-    assert "calibration/trajectory.csv" not in flight_of(both, orientations="none").tables
+    assert "calibration/trajectory.csv" not in flight_of(both).tables
 
 
 def test_cameras_that_no_flight_has_are_refused_or_left_out():

@@ -66,22 +66,21 @@ XML = '<a>\n <b n="2">x</b>\n <c><b n="3"> 1 2\n3 </b></c></a>'
 
 def test_values_of_json_by_their_keys():
     root = safe.json_tree(opened(JSON))
-    assert root.one("a", 0, "b").whole() == 1
-    assert root.one("a", 1, "c").numbers(2, 2).tolist() == [[1, 2], [3, 4]]
-    assert root.one("a", 1, "c").numbers(-1, 2).shape == (2, 2)
+    assert root.one("a", 0, "b").number() == 1
+    assert root.one("a", 0, "c").numbers(2).tolist() == [1, 2]
     assert root.maybe("a", 2) is None
     assert [key for key, _ in root.items()] == ["a"]
 
 
 def test_elements_of_xml_their_attributes_and_numbers():
     root = safe.xml_tree(opened(XML))
-    assert [one.attribute("n") for one in root.everywhere("b")] == ["2", "3"]
-    assert root.one("c", "b").numbers(3).tolist() == [1, 2, 3]
-    assert root.one("b").whole("n") == 2
+    assert [one.attribute("n") for one in root.each(".//b")] == ["2", "3"]
+    assert root.one("c/b").numbers(3).tolist() == [1, 2, 3]
+    assert root.one("b").number("n") == 2
     assert root.one("c").line == 3
-    assert root.maybe("c", "d") is None
+    assert root.maybe("c/d") is None
     named = safe.xml_tree(opened('<x:a xmlns:x="http://u/"><x:b/></x:a>'))
-    assert [one.tag for one in named.below] == ["http://u/ b"]
+    assert [one.tag for one in named] == ["http://u/ b"]
 
 
 def test_records_and_values_one_after_another():
@@ -90,7 +89,6 @@ def test_records_and_values_one_after_another():
     assert cursor.take("<BB", "id") == (1, 2)
     assert cursor.text("name") == "ab"
     assert cursor.array(np.dtype("<u2"), 2, "points").tolist() == [3, 4]
-    assert cursor.left == 0
 
 
 def test_a_member_of_an_archive():
@@ -127,35 +125,33 @@ def in_bytes(do):
     [
         (in_json(lambda r: r.one("a", 1, "b").number()), "a:3: a.1.b: 'x'; must be a finite num"),
         (in_json(lambda r: r.one("a", 0, "d")), "a:2: a.0: 'd' is missing; required"),
-        (in_json(lambda r: r.one("a", 1, "c").numbers(3)), "a:4: a.1.c: [[1, 2], [3, 4]]; must"),
+        (
+            in_json(lambda r: r.one("a", 0, "c").numbers(3)),
+            "a:2: a.0.c: [1, 2]; must be",
+        ),
         (in_json(lambda r: list(r.one("a", 0).each())), "a:2: a.0: {'b': 1, 'c': [1, 2]}; must"),
-        (in_json(lambda r: list(r.one("a").items())), "must be an object"),
-        (in_json(lambda r: r.one("a", 0).text()), "must be text"),
         (in_json(None, '{"a":\n'), "a:2: file: Expecting value; must be valid JSON"),
-        (in_json(None, "[" * 100_000), "a:1: file: is nested too deep; must be less deep"),
-        (in_json(None, f'{{"a": {"9" * 5000}}}'), "must be valid JSON"),
+        (in_json(None, "[" * 100_000), "a:1: file: cannot be read; must be valid JSON"),
         (in_json(lambda r: r.one("a").number(), '{"a": NaN}'), "nan; must be a finite number"),
         (in_json(lambda r: r.one("a").number(), '{"a": 1e999}'), "inf; must be a finite number"),
         (in_xml(lambda r: r.one("c"), "<a>\n<b/></a>"), "a:1: a: <c> is missing; required"),
         (in_xml(lambda r: r.one("b").number(), "<a>\n<b>x</b></a>"), "a:2: b: 'x'; must be a fin"),
-        (in_xml(lambda r: r.one("b").numbers(3), "<a><b>1 2</b></a>"), "must be 3 numbers"),
-        (in_xml(lambda r: r.whole("id"), "<a id='x'/>"), "a:1: a id: 'x'; must be a whole number"),
-        (in_xml(lambda r: r.attribute("len"), "<a lens='x'/>"), "a:1: a len: is missing; required"),
+        (in_xml(lambda r: r.number("id"), "<a id='x'/>"), "a:1: a id: 'x'; must be a finite num"),
         (in_xml(None, BOMB), "a:2: file: <!DOCTYPE> may name entities"),
         (in_xml(None, OUTSIDE), "a:1: file: <!DOCTYPE> may name entities"),
         (in_xml(None, "<a>&b;</a>"), "a:1: file: undefined entity; must be valid XML"),
         (in_xml(None, "<a>\n<b></a>"), "a:2: file: mismatched tag; must be valid XML"),
         (in_xml(None, '<?xml version="1.0" encoding="klingon"?><a/>'), "encoding"),
         (in_line(lambda x: x.number_at(1, "east")), "a:1: east: '1,5'; must be a finite number"),
-        (in_line(lambda x: x.number_at(2, "east")), "a:1: east: 'inf'; must be a finite number"),
         (in_line(lambda x: x.number_at(4, "z")), "a:1: z: is missing, the line has 4 cells"),
         (in_line(lambda x: x.numbers(1, 3, "x y")), "a:1: x y: '1,5'; must be a finite number"),
-        (in_line(lambda x: x.whole_at(0, "id")), "a:1: id: 'a'; must be a whole number"),
         (in_line(lambda x: x.numbers(3, 4, "x", SMALL)), "x: '9'; must lie between -1 and 1"),
-        (in_bytes(lambda c: c.take("<Q", "id")), "a:1: id: at byte 0: 8 bytes, 3 are left"),
-        (in_bytes(lambda c: c.array(np.dtype("<u8"), 2**60, "x")), "3 are left; must be complete"),
-        (in_bytes(lambda c: c.array(np.dtype("<u8"), -1, "x")), "must be complete"),
-        (in_bytes(lambda c: c.text("name")), "a:1: name: text at byte 0 has no end"),
+        (in_bytes(lambda c: c.take("<Q", "id")), "a:1: id: at byte 0: 3 bytes are left"),
+        (
+            in_bytes(lambda c: c.array(np.dtype("<u8"), 2**60, "x")),
+            "3 bytes are left; must be",
+        ),
+        (in_bytes(lambda c: c.text("name")), "a:1: name: at byte 0: 3 bytes are left"),
         (lambda: records(opened(bytes(3)), np.dtype("<u2")), "a:1: file: has 3 bytes; must be a"),
         (lambda: member(packed(other=b""), "doc"), "archive: has no member 'doc'; required"),
         (lambda: member(opened(b"PK\3\4"), "doc"), "is no ZIP archive that can be read"),

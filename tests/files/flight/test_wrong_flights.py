@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 import tomllib
@@ -115,15 +114,12 @@ def test_a_last_line_without_an_end_is_noted(tmp_path):
     assert flight.read(tmp_path).notes[0] == expected
 
 
-def test_what_is_no_file_is_not_waited_for(tmp_path):
+def test_a_folder_in_the_place_of_a_table(tmp_path):
     write_flight(tmp_path)
-    (tmp_path / POINTS).unlink()
-    os.mkfifo(tmp_path / POINTS)
     (tmp_path / IMAGES).unlink()
     (tmp_path / IMAGES).mkdir()
-    images, points = problems(tmp_path)
-    assert images.startswith(f"{IMAGES}:1: file: cannot be read (Is a directory); must be")
-    assert points.startswith(f"{POINTS}:1: file: cannot be read (no regular file); must be")
+    (line,) = problems(tmp_path)
+    assert line.startswith(f"{IMAGES}:1: file: cannot be read (Is a directory); must be")
 
 
 def test_a_folder_without_a_flight_and_a_flight_without_a_block(tmp_path):

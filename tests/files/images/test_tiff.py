@@ -13,7 +13,6 @@ import rasterio
 import tifffile
 
 from acx4files.images.tiff import (
-    COMPRESSIONS,
     GAMMA,
     PREVIEW_PX,
     TILE,
@@ -50,13 +49,12 @@ def opened(path, **how):
         return rasterio.open(path, **how)
 
 
-@pytest.mark.parametrize("compression", COMPRESSIONS)
 @pytest.mark.parametrize(
     ("bands", "dtype"), [(1, "uint16"), (2, "uint8"), (3, "uint16"), (4, "uint8")]
 )
-def test_gdal_reads_what_was_written(tmp_path, rng, compression, bands, dtype):
+def test_gdal_reads_what_was_written(tmp_path, rng, bands, dtype):
     image = picture(rng, bands, dtype)
-    path = written(tmp_path / "x.tif", image, compression=compression)
+    path = written(tmp_path / "x.tif", image)
     with opened(path) as found:
         np.testing.assert_array_equal(np.moveaxis(found.read(), 0, -1), image)
         assert found.dtypes == (dtype,) * bands
@@ -66,8 +64,6 @@ def test_gdal_reads_what_was_written(tmp_path, rng, compression, bands, dtype):
         names = ["gray", "undefined"] if bands < 3 else ["red", "green", "blue", "undefined"]
         assert [colour.name for colour in found.colorinterp] == names[:bands]
         tags = found.tags()
-        says = found.tags(ns="IMAGE_STRUCTURE").get("COMPRESSION", "none").lower()
-        assert says == compression
     assert json.loads(tags["TIFFTAG_IMAGEDESCRIPTION"]) == ABOUT == read_about(path)
     assert float(tags["TIFFTAG_XRESOLUTION"]) == pytest.approx(10 / 0.0056, rel=1e-6)  # 32 bit
     assert tags["TIFFTAG_RESOLUTIONUNIT"] == "3 (pixels/cm)"
@@ -108,22 +104,11 @@ def test_half_an_image_is_the_rounded_mean(rng, dtype, shape):
 
 def test_tifffile_reads_a_bigtiff_and_its_levels(tmp_path, rng):
     image = picture(rng)
-    with tifffile.TiffFile(written(tmp_path / "x.tif", image, compression="deflate")) as found:
+    with tifffile.TiffFile(written(tmp_path / "x.tif", image)) as found:
         assert found.is_bigtiff
         assert [page.shape[:2] for page in found.pages] == level_sizes(HEIGHT, WIDTH)
         assert [page.subfiletype for page in found.pages] == [0, 1, 1]
-        assert {int(page.compression) for page in found.pages} == {8}  # deflate of the standard
         np.testing.assert_array_equal(found.pages[0].asarray(), image)
-
-
-@pytest.mark.parametrize("compression", COMPRESSIONS)
-def test_bytes_depend_on_the_pixels_alone(tmp_path, rng, compression):
-    image = picture(rng)
-    first, *others = (
-        written(tmp_path / f"{n}.tif", image, compression=compression, threads=n).read_bytes()
-        for n in (1, 3, None)
-    )
-    assert others == [first, first]
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 700), (512, 512), (513, 511)])

@@ -19,6 +19,7 @@ from acx4files.measuring.levels import (
 from acx4files.measuring.measure import _given, measure_flight, read_unmeasured
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.mounting import single_step
+from acx4lib.model import Model
 from support.pictures import measured
 
 LARGEST = 0.06
@@ -84,7 +85,7 @@ def test_eight_exposures_give_the_camera_from_pictures_trajectory_and_control(tm
     assert np.mean(np.hypot(*found.off.T) > 1) < 0.001
     measured_flight = read(tmp_path / "measured")
     free = measured_flight.estimate_mounting
-    fit = single_step(measured_flight.calibration, free=free).calibration
+    fit = single_step(measured_flight.calibration, Model(free=free)).calibration
     truth = json.loads((tmp_path / "flight.truth.json").read_text())["cameras"]["CAM"]
     for one in parameters(fit):
         assert abs(one.value - truth[one.name]) < 4 * one.sigma, one.name

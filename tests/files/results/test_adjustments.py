@@ -9,20 +9,22 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from acx4files import flight as flights
-from acx4files.results import adjustments, read_back
 from acx4files.results import folder as results
-from acx4files.results.adjustments import METHOD, mounted_block, of_transferred
+from acx4files.results import read_back, tables
+from acx4files.results.read_back import mounted_block
+from acx4files.results.tables import TRANSFERRED, of_transferred
 from acx4files.stages import diagnosed
 from acx4lib.block import select_images
 from acx4lib.calibration import estimates, mounting
 from acx4lib.calibration import heads as calibration_heads
 from acx4lib.errors import FlightError
 from acx4lib.georeferencing import validation
+from acx4lib.model import Model
 from acx4lib.synthetic_image.transferred_points import synthetic_block, transfer
 from support.flights import in_heads, pictured, simulated
 from support.run_results import put
 
-SETTINGS = {"free": ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")}
+MODEL = Model(free=("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2"))
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +34,7 @@ def flown():
 
 @pytest.fixture(scope="module")
 def mountings(flown):
-    return mounting.calibrate(flown.calibration, **SETTINGS)
+    return mounting.calibrate(flown.calibration, MODEL)
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +127,7 @@ def _only_validation(flown):
 
 
 def test_a_method_that_was_left_out_says_why_and_has_no_rows(tmp_path):
-    record = adjustments.of_left_out("mounting", "two_step", "no control")
+    record = tables.not_adjusted("mounting/two_step", "no control")
     put(tmp_path, "mounting", [record])
     found = results.read(tmp_path)
     assert found.summary["mounting/two_step"]["left_out"] == ["mounting/two_step: no control"]
@@ -139,7 +141,7 @@ def test_a_wrong_focal_length_is_seen_as_a_scale_of_control_against_trajectory(f
     spoilt = replace(block, cameras=(wrong,))
     (record,) = diagnosed.of_mountings(
         mounting.Mountings(
-            methods={"two_step": mounting.two_step(spoilt, free=("xp", "yp"))}, failures={}
+            methods={"two_step": mounting.two_step(spoilt, Model(free=("xp", "yp")))}, failures={}
         )
     )
     note = record.summary["mounting/two_step"]["notes"][-1]
@@ -164,7 +166,7 @@ def test_a_scale_that_the_focal_length_may_have_by_chance_is_not_said(flown):
             sigma_position=np.full_like(off_m, 5.0),
         ),
     )
-    record = diagnosed.of_mounting(mounting.single_step(loose, free=("f",)))
+    record = diagnosed.of_mounting(mounting.single_step(loose, Model(free=("f",))))
     entry = record.summary["mounting/single_step"]
     assert abs(entry["height_scale_error"]) > 0.01
     assert entry["height_scale_sigma"] == pytest.approx(0.023, abs=0.002)
@@ -174,11 +176,11 @@ def test_a_scale_that_the_focal_length_may_have_by_chance_is_not_said(flown):
 def test_heads_come_back_from_their_files_as_they_were(tmp_path):
     flown = simulated.fly("acx4", seed=1, blocks=("heads",)).flight
     heads = calibration_heads.calibrate_heads(
-        flown.heads, flown.synthetic.heads, free=flown.estimate_heads
+        flown.heads, flown.synthetic.heads, Model(free=flown.estimate_heads)
     )
     said = calibration_heads.relative_orientation(heads, flown.cameras["SYN"])
     bundles = [diagnosed.of_head(name, fit) for name, fit in heads.bundles.items()]
-    oriented = adjustments.of_relative_orientation("heads", "relative_orientation", said)
+    oriented = tables.of_relative_orientation("heads/relative_orientation", said)
     put(tmp_path, "heads", [*bundles, oriented])
     back = read_back.read_relative_orientation(
         results.read(tmp_path), "heads/relative_orientation", flown.cameras
@@ -192,16 +194,16 @@ def test_heads_come_back_from_their_files_as_they_were(tmp_path):
 
 
 def test_every_object_of_the_summary_has_the_same_keys(tmp_path, folder):
-    put(tmp_path, "heads", [adjustments.of_left_out("heads", "relative_orientation", "no")])
+    put(tmp_path, "heads", [tables.not_adjusted("heads/relative_orientation", "no")])
     left_out = results.read(tmp_path).summary["heads/relative_orientation"]
     assert left_out["n_observations"] is None
     for entry in results.read(folder).summary.values():
-        assert adjustments.NO_ADJUSTMENT.keys() < entry.keys()
+        assert tables.NO_ADJUSTMENT.keys() < entry.keys()
 
 
 def test_the_summary_judges_the_sigma_of_every_group_and_says_which_are_wrong(flown):
     block = mounting.scaled(flown.calibration, {"heading": 0.25})
-    record = diagnosed.of_mounting(mounting.single_step(block, **SETTINGS))
+    record = diagnosed.of_mounting(mounting.single_step(block, MODEL))
     entry = json.loads(json.dumps(record.summary["mounting/single_step"]))
     heading = entry["sigma_factors"]["heading"]
     assert heading["factor"] == pytest.approx(4, abs=3.3 * 4 * heading["sigma"])
@@ -214,7 +216,7 @@ def test_the_summary_judges_the_sigma_of_every_group_and_says_which_are_wrong(fl
 def test_the_summary_says_by_what_sigma_were_multiplied(flown):
     applied = {"GNSS": 1.5}
     block = mounting.scaled(flown.calibration, applied)
-    record = diagnosed.of_mounting(mounting.single_step(block, **SETTINGS), applied=applied)
+    record = diagnosed.of_mounting(mounting.single_step(block, MODEL), applied=applied)
     entry = record.summary["mounting/single_step"]
     assert entry["sigma_factors"]["GNSS"]["applied"] == 1.5
     assert "the sigma were multiplied by 1.50 ± " in entry["notes"][0]
@@ -229,7 +231,7 @@ def test_one_of_two_calibrated_cameras_can_be_validated(flown, tmp_path):
     turns = np.arange(len(block.images)) % 2
     images = replace(block.images, camera_idx=turns)
     both = replace(block, cameras=(replace(camera, name="A/B"), camera), images=images)
-    said = mounting.single_step(both, **SETTINGS)
+    said = mounting.single_step(both, MODEL)
     put(tmp_path, "mounting", [diagnosed.of_mounting(said)])
     found = results.read(tmp_path)
     back = read_back.read_calibration(found, "mounting/single_step", block.cameras)
@@ -241,7 +243,7 @@ def test_one_of_two_calibrated_cameras_can_be_validated(flown, tmp_path):
 
 def test_a_calibration_of_nothing_is_validated_with_what_is_held(flown, mountings, tmp_path):
     known = replace(flown.calibration, cameras=mountings["single_step"].calibration.cameras)
-    held = mounting.single_step(known, free=(), fix=("lever_arm", "boresight"))
+    held = mounting.single_step(known, Model(fix=("lever_arm", "boresight")))
     put(tmp_path, "mounting", [diagnosed.of_mounting(held)])
     (method,) = read_back.calibrated_methods(results.read(tmp_path))
     back = read_back.read_calibration(results.read(tmp_path), f"mounting/{method}", known.cameras)
@@ -251,7 +253,7 @@ def test_a_calibration_of_nothing_is_validated_with_what_is_held(flown, mounting
 
 def test_a_calibration_that_contradicts_its_data_is_written_but_not_validated(flown, tmp_path):
     """Held at approximate values, the camera leaves control points decimetres off."""
-    held = mounting.single_step(flown.calibration, free=(), fix=("lever_arm", "boresight"))
+    held = mounting.single_step(flown.calibration, Model(fix=("lever_arm", "boresight")))
     put(tmp_path, "mounting", [diagnosed.of_mounting(held)])
     found = results.read(tmp_path)
     assert read_back.calibrated_methods(found) == ()
@@ -287,7 +289,7 @@ def test_a_validation_says_what_spoils_all_of_its_points(flown):
 
 def test_a_validation_says_how_many_measurements_chance_rejects(flown):
     """Two components of every ray of points in three images or more, at 0.0096 % each."""
-    found = mounting.single_step(flown.calibration, **SETTINGS)
+    found = mounting.single_step(flown.calibration, MODEL)
     checked = validation.validate(flown.validation, found.calibration, method="single_step")
     (record,) = diagnosed.of_validations([checked])
     (entry,) = record.summary.values()
@@ -332,7 +334,7 @@ def test_both_blocks_come_back_as_they_were_transferred(flight, transferred, kep
 
 
 def test_the_table_has_a_row_for_every_image_and_point(flight, transferred, kept):
-    table = results.rows(results.read(kept), "synthetic_points", METHOD)
+    table = results.rows(results.read(kept), "synthetic_points", TRANSFERRED)
     assert list(table) == [
         *("block", "image", "point", "head"),
         *("col_px", "row_px", "sigma_col_px", "sigma_row_px"),
@@ -341,7 +343,7 @@ def test_the_table_has_a_row_for_every_image_and_point(flight, transferred, kept
     assert not table.duplicated(["block", "image", "point"]).any()
     assert set(table["head"]) == {"LEFT", "RIGHT"}
     assert set(table["image"]) == set(flight.calibration.trajectory.exposures)
-    entry = results.read(kept).summary[METHOD]
+    entry = results.read(kept).summary[TRANSFERRED]
     assert entry["n_left_out"] == sum(points.n_left_out for points in transferred.values())
 
 
@@ -377,7 +379,7 @@ def test_what_the_data_say_of_held_values_comes_back(flown, mountings, folder):
     f = mountings["single_step"].calibration.cameras[0].interior.f
     wrong = camera.with_interior(replace(camera.interior, f=f + 0.4))
     block = replace(flown.calibration, cameras=(wrong,))
-    said = mounting.single_step(block, free=SETTINGS["free"][1:])
+    said = mounting.single_step(block, Model(free=MODEL.free[1:]))
     put(folder.parent / "wrong", "mounting", [diagnosed.of_mounting(said)])
     entry = results.read(folder.parent / "wrong").summary["mounting/single_step"]
     found = entry["held"]["CAM/f_mm"]
@@ -394,7 +396,7 @@ def test_what_the_data_say_of_held_values_comes_back(flown, mountings, folder):
 def test_a_known_focal_length_is_a_residual_of_its_camera(flown, tmp_path):
     (camera,) = flown.calibration.cameras
     known = replace(camera, prior=replace(camera.prior, interior=(0.01, np.inf, np.inf)))
-    said = mounting.single_step(replace(flown.calibration, cameras=(known,)), **SETTINGS)
+    said = mounting.single_step(replace(flown.calibration, cameras=(known,)), MODEL)
     put(tmp_path, "mounting", [diagnosed.of_mounting(said)])
     rows = results.read(tmp_path).residuals
     (row,) = rows[rows["kind"] == "interior"].to_dict("records")

@@ -11,6 +11,7 @@ from acx4files.results import folder as results
 from acx4lib.errors import FlightError
 
 THIRD = 1e-14 / 3
+HEADER = ",".join(results.COLUMNS["parameters"])
 
 
 def parameters(*rows):
@@ -145,14 +146,10 @@ def test_a_method_that_was_left_out_says_why(tmp_path):
         ("parameters.csv", "stage,method\nheads,bundle\n", "has the columns stage,method, not"),
         (
             "parameters.csv",
-            "stage,method,camera,parameter,value,sigma,unit\nheads,b,A,f,x,1,mm\n",
+            f"{HEADER}\nheads,b,A,f,x,1,mm,0\n",
             "could not convert string to float: 'x'|Unable to parse",
         ),
-        (
-            "parameters.csv",
-            "stage,method,camera,parameter,value,sigma,unit\nx,heads,b,A,f,1,1,mm\n",
-            "of another width",
-        ),
+        ("parameters.csv", f"{HEADER}\nx,heads,b,A,f,1,1,mm,0\n", "of another width"),
         ("summary.json", "{", "is not JSON"),
         ("summary.json", "[]", "must be one object"),
         ("summary.json", '{"mine": 1}', "mine is not of a stage"),
@@ -160,7 +157,7 @@ def test_a_method_that_was_left_out_says_why(tmp_path):
 )
 def test_a_file_that_is_no_result_is_named(tmp_path, name, text, said):
     (tmp_path / name).write_text(text)
-    with pytest.raises(FlightError, match=rf"{name}:.*({said}).*; run all stages again"):
+    with pytest.raises(FlightError, match=rf"{name}:.*({said}).* another folder"):
         results.read(tmp_path)
 
 

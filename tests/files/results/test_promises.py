@@ -12,7 +12,7 @@ import pytest
 
 from acx4files.flight import reader
 from acx4files.results import folder as results
-from acx4files.results import own_folder, provenance, whole_files
+from acx4files.results import provenance, whole_files
 from acx4files.results.read_back import read_calibration
 from acx4files.results.whole_files import file_stem
 from acx4lib.calibration.estimates import METHODS
@@ -30,17 +30,16 @@ for value in range(*map(int, sys.argv[3:])):
     row = ("{stage}", "{stage}", "CAM", "f_mm", float(value), 0.1, "mm", 0.0)
     rows = pd.DataFrame([row] * 2000, columns=folder.COLUMNS["parameters"])
     summary = {{"{stage}/{stage}": {{"value": value}}}}
-    tables = {{"parameters": rows, "{more}": {more_rows}}}
-    provenance.write(sys.argv[2], "{stage}", tables, summary, flight=flight)
+    record = folder.Record(tables={{"parameters": rows{more}}}, summary=summary)
+    provenance.write(sys.argv[2], "{stage}", [record], flight=flight)
     print(value, flush=True)
 """
 OF_MOUNTING = WRITES.format(
     stage="mounting",
-    more="covariance",
-    more_rows='pd.DataFrame([("mounting", "mounting", "a", "a", value)] * 2000,'
+    more=', "covariance": pd.DataFrame([("mounting", "mounting", "a", "a", value)] * 2000,'
     ' columns=folder.COLUMNS["covariance"])',
 )
-OF_HEADS = WRITES.format(stage="heads", more="rejected", more_rows="[]")
+OF_HEADS = WRITES.format(stage="heads", more="")
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +67,8 @@ def write(flight, folder, value, stage="mounting"):
     row = (stage, stage, "CAM", "f_mm", value, 0.1, "mm", 0.0)
     rows = pd.DataFrame([row] * 2000, columns=results.COLUMNS["parameters"])
     summary = {f"{stage}/{stage}": {"value": value}}
-    provenance.write(folder, stage, {"parameters": rows}, summary, flight=flight)
+    record = results.Record(tables={"parameters": rows}, summary=summary)
+    provenance.write(folder, stage, [record], flight=flight)
 
 
 # --- killed, on a full disk, beside another writer --------------------------------------------
@@ -91,16 +91,16 @@ def test_who_is_killed_leaves_whole_results_or_a_line_that_says_what_to_run_agai
             assert {*covariance} == {value}
         except FlightError as error:
             said.add(str(error))
-    again = f"run stage mounting again: acx4 run FLIGHT --results {tmp_path}/results"
-    assert all(again in line and "\n" not in line for line in said), said
+    assert all("run all stages again" in line and "\n" not in line for line in said), said
+    provenance.begin(tmp_path / "results", flight, results.STAGES)
     write(flight, tmp_path / "results", 7.0)
     assert value_of(tmp_path / "results", "mounting") == 7.0
     left = {path.name for path in (tmp_path / "results").iterdir()}
-    assert left == {*results.FILES, provenance.KEPT, own_folder.LOCK}
+    assert left == {*results.FILES, provenance.KEPT, whole_files.LOCK}
 
 
-@pytest.mark.parametrize("k", range(len(results.COLUMNS) + 2))
-def test_a_stage_that_is_interrupted_while_files_take_their_places_is_run_again(
+@pytest.mark.parametrize("k", range(len(results.COLUMNS) + 1))
+def test_a_stage_that_is_interrupted_while_files_take_their_places_is_noticed(
     flight_path, tmp_path, monkeypatch, k
 ):
     flight = reader.read(flight_path)
@@ -120,29 +120,27 @@ def test_a_stage_that_is_interrupted_while_files_take_their_places_is_run_again(
     monkeypatch.undo()
     if k == 0:
         assert value_of(tmp_path, "mounting") == 1.0
-    else:
-        for read in (results.read, provenance.read_run):
-            with pytest.raises(FlightError, match="run stage mounting again"):
-                read(tmp_path)
-        with pytest.raises(FlightError, match="run stage mounting again"):
-            write(flight, tmp_path, 3.0, "heads")
+        return
+    for use in (results.read, provenance.read_run, lambda to: write(flight, to, 3.0)):
+        with pytest.raises(FlightError, match="run all stages again"):
+            use(tmp_path)
+    provenance.begin(tmp_path, flight, results.STAGES)
     write(flight, tmp_path, 3.0)
     assert value_of(tmp_path, "mounting") == 3.0
-    assert value_of(tmp_path, "heads") == 1.0
 
 
 def test_a_full_disk_is_one_line_and_the_old_results_stay(flight_path, tmp_path, monkeypatch):
     flight = reader.read(flight_path)
     write(flight, tmp_path, 1.0)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
-    opened = whole_files.Path.open
+    written = whole_files.Path.write_bytes
 
-    def full(path, *arguments, **more):
-        if path.suffix == ".csv" and arguments == ("wb",):
-            raise OSError(errno.ENOSPC, "No space left on device", str(path))
-        return opened(path, *arguments, **more)
+    def full(path, content):
+        if path.suffix == ".csv":
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return written(path, content)
 
-    monkeypatch.setattr(whole_files.Path, "open", full)
+    monkeypatch.setattr(whole_files.Path, "write_bytes", full)
     with pytest.raises(OutputError, match=r"parameters\.csv: No space left .* MB are free$"):
         write(flight, tmp_path, 2.0)
     monkeypatch.undo()
@@ -183,18 +181,18 @@ def test_two_who_write_wait_for_each_other(flight_path, tmp_path):
 
 
 def test_who_waits_too_long_says_so(tmp_path):
-    with own_folder.locked(tmp_path):
-        for use in (own_folder.locked(tmp_path, wait=0.1), own_folder.claim(tmp_path, signs=[])):
+    with whole_files.locked(tmp_path):
+        for use in (whole_files.locked(tmp_path, wait=0.1), whole_files.claim(tmp_path, signs=[])):
             with pytest.raises(OutputError, match="another process is writing there"), use:
                 pass
-    with own_folder.claim(tmp_path, signs=[]):
+    with whole_files.claim(tmp_path, signs=[]):
         pass
 
 
 # --- what is not the command's ------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["notes.txt", "parameters.csv", "images.csv"])
+@pytest.mark.parametrize("name", ["notes.txt", "parameters.csv", "flight.toml"])
 def test_a_folder_of_others_is_left_alone(flight_path, tmp_path, name):
     flight = reader.read(flight_path)
     (tmp_path / name).write_text("mine")
@@ -221,18 +219,6 @@ def test_a_folder_with_executed_notebooks_is_that_of_their_results(flight_path, 
     assert (tmp_path / "mine.txt").read_text() == "mine"
 
 
-def test_results_lie_in_no_flight_and_around_none(flight_path, tmp_path):
-    flight = reader.read(flight_path)
-    for folder, said in (
-        (flight_path, "lies in the flight"),
-        (flight_path / "results", "lies in the flight"),
-        (flight_path.parent, "holds the flight"),
-    ):
-        with pytest.raises(OutputError, match=said):
-            write(flight, folder, 1.0)
-    assert not (flight_path / "results").exists()
-
-
 def test_results_of_another_flight_are_refused_and_stay(flight_path, tmp_path):
     changed = shutil.copytree(flight_path, tmp_path / "other") / "flight.toml"
     changed.write_text(changed.read_text() + "[session]\ntemperature_c = 12.0\n")
@@ -251,11 +237,8 @@ def test_a_table_that_was_changed_by_hand_is_named(flight_path, tmp_path):
     write(flight, tmp_path, 1.0)
     table = tmp_path / "parameters.csv"
     table.write_text(table.read_text().replace("1.0", "1.5"))
-    for use in (results.read, lambda folder: write(flight, folder, 1.0, "heads")):
-        with pytest.raises(FlightError, match=r"parameters\.csv: is not .*; run all stages again"):
-            use(tmp_path)
-    provenance.begin(tmp_path, flight, results.STAGES)  # all are run again
-    assert results.read(tmp_path).parameters.empty
+    with pytest.raises(FlightError, match=r"parameters\.csv: is not .*; run all stages again"):
+        results.read(tmp_path)
 
 
 # --- results of the version before ----------------------------------------------------------------
@@ -281,7 +264,7 @@ def test_results_of_the_version_before_are_read_and_gone_on_with(tmp_path):
     assert new.startswith(old)
     assert results.is_whole(folder)
     assert set(provenance.read_run(folder).provenance.stages) == {"mounting", "validation"}
-    assert not {path.name for path in folder.iterdir()} & {*results.EARLIER}
+    assert not (folder / results.EARLIER).exists()
 
 
 # --- names become files below their folder ------------------------------------------------------

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 import acx4sim
 from acx4files import flight as flights
 from acx4files.results import folder, read_back
-from acx4files.results.adjustments import mounted_block
+from acx4files.results.read_back import mounted_block
 from acx4files.stages import heads, mounting, order, rig, synthetic, validation
 from acx4lib.block import select_cameras
 from acx4lib.calibration.estimates import reported_covariance
@@ -37,12 +37,9 @@ def flight(path):
 
 def test_results_of_the_mounting_are_what_the_validation_takes(flight, tmp_path):
     calibrated = mounting.run(flight, tmp_path)
-    assert calibrated.block is flight.calibration  # weights as given
-    assert not calibrated.sigma_factors
     checked = validation.run(flight, tmp_path)
-    assert set(checked.calibrations) == set(calibrated.mountings.methods)
-    keys = {f"mounting/{m}" for m in calibrated.mountings.methods}
-    keys |= {f"validation/{v.method}" for v in checked.validations}
+    assert set(checked) == set(calibrated.methods)
+    keys = {f"{stage}/{m}" for stage in ("mounting", "validation") for m in checked}
     assert set(folder.read(tmp_path).summary) == keys
 
 
@@ -93,21 +90,22 @@ def gone_through(flown, tmp_path_factory):
 
 def test_a_flight_measured_in_heads_goes_on_with_its_synthetic_camera(flown, gone_through):
     results, calibrated, _ = gone_through
-    assert [camera.name for camera in calibrated.block.cameras] == ["SYN"]
-    assert calibrated.block.images.names == flown.calibration.trajectory.exposures
+    block = calibrated["single_step"].bundle.network.block
+    assert [camera.name for camera in block.cameras] == ["SYN"]
+    assert block.images.names == flown.calibration.trajectory.exposures
     found = folder.read(results)
     assert folder.cameras(found, "mounting/single_step") == ("SYN",)
-    assert set(calibrated.mountings.methods) == {"two_step", "two_step_gnss", "single_step"}
+    assert set(calibrated.methods) == {"two_step", "two_step_gnss", "single_step"}
     residuals = folder.rows(found, "residuals", "mounting/single_step")
     of_points = residuals[residuals["kind"] == "image_point"]
-    assert set(of_points["image_or_exposure"]) <= set(calibrated.block.images.names)
+    assert set(of_points["image_or_exposure"]) <= set(block.images.names)
     assert of_points["sigma"].nunique() > 100  # transferred, each by the map where it lies
 
 
 def test_what_errors_of_the_heads_add_is_in_every_sigma_and_stands_beside_it(gone_through):
     results, calibrated, _ = gone_through
     found = folder.read(results)
-    for method, outcome in calibrated.mountings.methods.items():
+    for method, outcome in calibrated.methods.items():
         rows = folder.rows(found, "parameters", f"mounting/{method}")
         own = reported_covariance(replace(outcome.calibration, cov_before=None))
         total = np.diag(folder.covariance(found, f"mounting/{method}"))
@@ -124,8 +122,8 @@ def test_what_errors_of_the_heads_add_is_in_every_sigma_and_stands_beside_it(gon
 def test_the_validation_takes_the_total(flown, gone_through):
     results, calibrated, checked = gone_through
     block = mounted_block(flown, "validation", folder.read(results))
-    for one in checked.validations:
-        calibration = calibrated.mountings[one.method].calibration
+    for name in calibrated.methods:
+        one, calibration = checked[name], calibrated[name].calibration
         with_heads = validate(block, calibration, method=one.method).points
         alone = validate(block, replace(calibration, cov_before=None), method=one.method).points
         assert_allclose(one.points.sigma, with_heads.sigma, rtol=1e-6)
@@ -148,16 +146,14 @@ def test_the_rig_of_the_calibration_block_stands_beside_that_of_the_heads(gone_t
 
 def test_both_rigs_are_validated_in_the_images_of_the_heads(flown, gone_through):
     results, _, checked = gone_through
-    assert [v.method for v in checked.in_heads] == ["rig", "rig_calibration"]
-    assert [v.method for v in checked.validations] == ["two_step", "two_step_gnss", "single_step"]
+    methods = ["two_step", "two_step_gnss", "single_step", "rig", "rig_calibration"]
+    assert [*checked] == methods
     found = folder.read(results)
-    assert set(found.validation["method"]) == {
-        v.method for v in (*checked.validations, *checked.in_heads)
-    }
+    assert set(found.validation["method"]) == set(methods)
     exposure = dict(
         zip(flown.validation.images.names, flown.validation.images.exposure_idx, strict=True)
     )
-    for one in checked.in_heads:
+    for one in (checked["rig"], checked["rig_calibration"]):
         pairs = found.validation[found.validation["method"] == one.method]
         a, b = pairs["image_a"].map(exposure), pairs["image_b"].map(exposure)
         assert (a != b).all()  # two heads of one exposure have no base

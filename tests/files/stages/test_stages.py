@@ -13,7 +13,7 @@ from acx4book.paper import errata
 from acx4files import flight as flights
 from acx4files.flight.reader import PLACE
 from acx4files.results import folder as results
-from acx4files.stages import attempt, heads, order, rig, synthetic
+from acx4files.stages import Failed, attempt, heads, order, rig, synthetic
 from acx4files.stages import pictures as taken
 from acx4lib.block import select_images
 from acx4lib.calibration.heads import Heads
@@ -107,7 +107,7 @@ def rig_stage(rig_flight):
 
 def test_the_rig_leaves_rows_in_every_table_beside_other_methods(tmp_path, rig_flight, rig_stage):
     results.replace(tmp_path, ["mounting"], tables={}, summary={"mounting/single_step": {}})
-    rig.write(replace(rig_flight, path=PLACE), tmp_path, [rig_stage])
+    rig.write(replace(rig_flight, path=PLACE), tmp_path, {"rig": rig_stage})
     found = results.read(tmp_path)
     assert set(found.summary) == {"mounting/single_step", "mounting/rig"}
     assert results.cameras(found, "mounting/rig") == ("CAM1", "CAM2", "CAM3", "CAM4")
@@ -116,7 +116,7 @@ def test_the_rig_leaves_rows_in_every_table_beside_other_methods(tmp_path, rig_f
     assert len(head) == 12
     assert results.covariance(found, "mounting/rig").shape == (48, 48)
     images = results.rows(found, "exterior_orientation", "mounting/rig")
-    assert len(images) == len(rig_stage.block.images)
+    assert len(images) == len(rig_stage.bundle.network.block.images)
     kinds = results.rows(found, "residuals", "mounting/rig")["kind"]
     assert set(kinds) == {"image_point", "control_point", "gnss", "attitude"}
     entry = found.summary["mounting/rig"]
@@ -127,9 +127,9 @@ def test_the_rig_leaves_rows_in_every_table_beside_other_methods(tmp_path, rig_f
 def test_heads_stand_in_the_order_of_the_synthetic_table(rig_flight, rig_stage):
     names = ("CAM4", "CAM2")
     some = replace(rig_flight, synthetic=replace(rig_flight.synthetic, heads=names))
-    found = rig.calibrate(some)
-    assert tuple(camera.name for camera in found.block.cameras) == names
-    assert len(found.block.images) == len(rig_stage.block.images) / 2
+    block = rig.calibrate(some).bundle.network.block
+    assert tuple(camera.name for camera in block.cameras) == names
+    assert len(block.images) == len(rig_stage.bundle.network.block.images) / 2
 
 
 def test_two_blocks_of_the_same_pictures_have_one_rig(rig_flight):
@@ -151,7 +151,7 @@ def with_block(flight, block):
 
 
 def left_by(flight, stage, folder):
-    rig.write(replace(flight, path=PLACE), folder, [stage])
+    rig.write(replace(flight, path=PLACE), folder, {"rig": stage})
     return results.read(folder).summary["mounting/rig"]
 
 
@@ -161,17 +161,18 @@ def test_a_rig_that_is_not_determined_ends_no_run(rig_flight, tmp_path):
     block = select_images(block, np.array(block.images.strips) == block.images.strips[0])
     points = block.image_points
     kept = ~np.isin(points.point_idx, block.control.point_idx)
-    stage = rig.calibrate(with_block(rig_flight, replace(block, image_points=points[kept])))
-    entry = left_by(rig_flight, stage, tmp_path)
+    changed = with_block(rig_flight, replace(block, image_points=points[kept]))
+    stage = rig.calibrate(changed)
+    entry = left_by(changed, stage, tmp_path)
     assert any("lever" in line and "control points" in line for line in entry["left_out"])
     synthetic = rig_flight.synthetic_camera
     with pytest.raises(AdjustmentError, match=r"CAM1 .* is not determined.*; so are \d+ others"):
-        relative_orientation(stage.rig, synthetic)
-    assert relative_orientation(stage.rig, synthetic, weak=True).n_exposures > 0
+        relative_orientation(stage, synthetic)
+    assert relative_orientation(stage, synthetic, weak=True).n_exposures > 0
 
 
 def test_a_rig_that_cannot_be_adjusted_is_left_out_with_the_reason(rig_flight, rig_stage, tmp_path):
-    failed = replace(rig_stage, rig=None, left_out="it does not converge")
+    failed = Failed(method="rig", reason="it does not converge", error=AdjustmentError())
     entry = left_by(rig_flight, failed, tmp_path)
     assert entry["left_out"] == ["mounting/rig: it does not converge"]
     assert not entry["converged"]
@@ -180,7 +181,7 @@ def test_a_rig_that_cannot_be_adjusted_is_left_out_with_the_reason(rig_flight, r
 def test_a_flight_without_a_synthetic_image_has_a_rig_all_the_same(rig_flight):
     stage = rig.calibrate(replace(rig_flight, synthetic=None))
     with pytest.raises(AdjustmentError, match=r"flight.toml has no table \[synthetic\]"):
-        relative_orientation(stage.rig, None)
+        relative_orientation(stage, None)
 
 
 def test_points_of_one_exposure_only_are_said(rig_flight, tmp_path):
@@ -192,8 +193,9 @@ def test_points_of_one_exposure_only_are_said(rig_flight, tmp_path):
     tie = ~np.isin(points.point_idx, block.control.point_idx)
     row = np.flatnonzero(tie & (np.bincount(together)[together] == 2))[0]
     kept = (points.point_idx != points.point_idx[row]) | (exposure == exposure[row])
-    stage = rig.calibrate(with_block(rig_flight, replace(block, image_points=points[kept])))
-    entry = left_by(rig_flight, stage, tmp_path)
+    changed = with_block(rig_flight, replace(block, image_points=points[kept]))
+    stage = rig.calibrate(changed)
+    entry = left_by(changed, stage, tmp_path)
     assert entry["notes"] == [
         "mounting/rig: 1 point is shared by heads at one exposure only, as high as the nearest"
     ]
@@ -228,13 +230,6 @@ def test_the_refined_heads_are_written(refinement, refined):
     assert 0.3 < said["sigma0_squared"] < 3
     (note,) = said["notes"]
     assert "beyond the noise of tie points" in note  # parallax of two flying heights
-
-
-def test_weights_that_did_not_settle_are_a_note(flight, refinement, tmp_path):
-    fit = replace(refinement.fits["rotations"], settled=False)
-    synthetic.write(flight, tmp_path, replace(refinement, fits={"rotations": fit}), {})
-    (note,) = results.read(tmp_path).summary["synthetic/refined"]["notes"]
-    assert note.startswith("synthetic/refined: the weights of tie points did not settle")
 
 
 def test_without_tie_points_the_refinement_is_left_out(flight, folder, tmp_path):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from numpy.testing import assert_allclose
 
-from acx4files.results import rows
+from acx4files.results import tables
 from acx4lib.block import NO_POINTS, ImagePoints, Images, SurveyedPoints
 from acx4lib.bundle.adjust import (
     adjust,
@@ -24,6 +24,7 @@ from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose, log, rotation_from_opk, transform
 from acx4lib.geometry.geodesy import MappingFrame
 from acx4lib.least_squares.adjustment import cross_covariance
+from acx4lib.model import Model
 from support import blocks
 from support.helpers import dense_covariance, dense_jacobian, rotation_angle, weighted_residuals
 from support.strategies import opk, vectors
@@ -38,11 +39,11 @@ SECOND = replace(
 
 
 def mounted_network(block):
-    return mounted_orientation(block, free=FREE)
+    return mounted_orientation(block, Model(free=FREE))
 
 
 def free_network(block):
-    return free_orientation(block, free=FREE)
+    return free_orientation(block, Model(free=FREE))
 
 
 # --- recovery --------------------------------------------------------------------------------
@@ -99,7 +100,9 @@ def test_start_values_may_be_degrees_off(exact_block, error_deg):
 
 def test_what_is_not_free_stays_as_declared(exact_block):
     (camera,) = exact_block.cameras
-    fit = adjust(mounted_orientation(exact_block, free=("k1",), free_mount=()))
+    fit = adjust(
+        mounted_orientation(exact_block, Model(free=("k1",), fix=("lever_arm", "boresight")))
+    )
     found = fit.cameras[0]
     assert found.interior == replace(camera.interior, k1=found.interior.k1)
     assert_allclose(found.T_b_c.r, camera.T_b_c.r, atol=0)
@@ -366,17 +369,17 @@ def test_rays_that_part_start_on_a_ray_before_the_camera(exact_block):
 def test_an_image_without_measurements_is_not_oriented(exact_block):
     points = exact_block.image_points
     block = replace(exact_block, image_points=points[points.image_idx != 4])
-    fit = adjust(free_orientation(block, free=("k1",)))
+    fit = adjust(free_orientation(block, Model(free=("k1",))))
     assert np.flatnonzero(~fit.oriented).tolist() == [4]
     assert fit.cameras[0].interior.k1 == pytest.approx(2e-6, abs=1e-12)
     # an observed pose is oriented all the same
-    assert adjust(mounted_orientation(block, free=("k1",))).oriented.all()
+    assert adjust(mounted_orientation(block, Model(free=("k1",)))).oriented.all()
 
 
 def test_a_block_without_control_floats(exact_block):
     """Six of its freedoms and the scale are open: positions and attitudes of all images."""
     block = replace(exact_block, control=exact_block.control[np.zeros(9, dtype=bool)])
-    fit = adjust(free_orientation(block, free=()))
+    fit = adjust(free_orientation(block, Model()))
     assert not fit.oriented.any()
     assert fit.solution.undetermined.all()
     assert fit.solution.condition > 1e11
@@ -386,7 +389,7 @@ def test_without_any_measurement_there_is_nothing_to_adjust(exact_block):
     points = exact_block.image_points[np.zeros(0, dtype=int)]
     empty = replace(exact_block, image_points=points)
     with pytest.raises(AdjustmentError, match="cannot determine"):
-        adjust(free_orientation(empty, free=("f",)))
+        adjust(free_orientation(empty, Model(free=("f",))))
 
 
 def test_surveyed_points_that_no_image_shows_play_no_part(exact_block):
@@ -447,8 +450,8 @@ def pair(noisy_block):
         sigma_position=tiny,
         sigma_attitude=tiny / 1000,
     )
-    net = free_orientation(noisy_block, free=USES_FREE, positions=observed)
-    return held(free_orientation(noisy_block, free=USES_FREE), T_m_c), adjust(net)
+    net = free_orientation(noisy_block, Model(free=USES_FREE), positions=observed)
+    return held(free_orientation(noisy_block, Model(free=USES_FREE)), T_m_c), adjust(net)
 
 
 def test_a_held_pose_is_the_limit_of_an_observation_without_error(pair):
@@ -475,7 +478,7 @@ def test_a_held_pose_stays_exactly_and_has_no_sigma(pair, noisy_block):
     assert fit.oriented.all()
     owners = {name.partition("/")[0] for name in fit.network.column_names()}
     assert not owners & {noisy_block.images.names[i] for i in HELD}
-    table = rows.exterior_orientations(fit)
+    table = tables.exterior_orientations(fit)
     sigma = table[[c for c in table if c.startswith("sigma")]].to_numpy()
     assert not sigma[HELD].any()
     assert (np.delete(sigma, HELD, axis=0) > 0).all()
@@ -489,7 +492,7 @@ def test_two_held_bodies_are_the_datum_of_all(exact_block, rng):
         exact_block.trajectory, T_m_b=off, sigma_position=sigma, sigma_attitude=sigma
     )
     alone = replace(exact_block, trajectory=trajectory, control=exact_block.control[:0])
-    net = mounted_orientation(alone, free=(), free_mount=())
+    net = mounted_orientation(alone, Model(fix=("lever_arm", "boresight")))
     fit = adjust(with_held_poses(net, ["0", "1"], T[:2]))
     assert_allclose(fit.state.T_m_b.r, T.r, atol=1e-6)
     assert np.abs(log(np.swapaxes(fit.state.T_m_b.R, 1, 2) @ T.R)).max() < 1e-9
@@ -500,7 +503,7 @@ def test_two_held_bodies_are_the_datum_of_all(exact_block, rng):
     [(["0", "nowhere"], 2, "nowhere"), (["0", "0"], 2, "different"), (["0"], 2, "T_m_b.r")],
 )
 def test_poses_that_cannot_be_held_are_named(exact_block, names, n, says):
-    net = mounted_orientation(exact_block, free=USES_FREE)
+    net = mounted_orientation(exact_block, Model(free=USES_FREE))
     with pytest.raises(ValueError, match=says):
         with_held_poses(net, names, exact_block.trajectory.T_m_b[:n])
 
@@ -509,28 +512,28 @@ def test_a_block_without_a_trajectory_begins_with_resections():
     block = blocks.noisy(blocks.standard(check=None), np.random.default_rng(3))
     alone = replace(block, trajectory=None)
     assert alone.trajectory.exposures == block.images.names
-    fit, same = (adjust(free_orientation(one, free=("f",))) for one in (alone, block))
+    fit, same = (adjust(free_orientation(one, Model(free=("f",)))) for one in (alone, block))
     assert_allclose(fit.cameras[0].interior.f, same.cameras[0].interior.f, atol=1e-8)
     with pytest.raises(AdjustmentError, match="has no image with"):
-        free_orientation(replace(alone, control=NO_POINTS), free=("f",))
+        free_orientation(replace(alone, control=NO_POINTS), Model(free=("f",)))
 
 
 def test_held_images_keep_the_poses_of_the_trajectory():
     block = blocks.standard(check=None)
     names = block.images.names[:2]
-    network = free_orientation(replace(block, control=NO_POINTS), free=("f",), held=names)
+    network = free_orientation(replace(block, control=NO_POINTS), Model(free=("f",)), held=names)
     fit = adjust(network)
     T = cameras_of(block)
     assert_allclose(fit.T_m_c.r[:2], T.r[:2], atol=0)
     assert_allclose(fit.T_m_c.r, T.r, atol=1e-5)  # exact measurements
     with pytest.raises(ValueError, match="held"):
-        free_orientation(block, free=("f",), held=("nobody",))
+        free_orientation(block, Model(free=("f",)), held=("nobody",))
 
 
 def test_no_point_is_left_out_at_an_angle_of_zero():
     block = blocks.standard(check=None)
     counts = [
-        free_orientation(block, free=("f",), smallest_angle=angle).left_out
+        free_orientation(block, Model(free=("f",)), smallest_angle=angle).left_out
         for angle in (0.0, np.radians(60.0))
     ]
     assert counts[0] == {}

@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from acx4lib.bundle.adjust import adjust, free_orientation, with_held_poses
 from acx4lib.bundle.free_network import adjust_free, datum_defect
 from acx4lib.bundle.unknowns import holding
+from acx4lib.model import Model
 from support.helpers import dense_jacobian
 
 FREE = ("f", "xp", "yp")
@@ -20,7 +21,7 @@ def alone(block):
 
 
 def network(block):
-    return free_orientation(block, free=FREE)
+    return free_orientation(block, Model(free=FREE))
 
 
 @pytest.fixture(scope="module")

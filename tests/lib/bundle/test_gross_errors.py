@@ -20,6 +20,7 @@ from acx4lib.errors import FlightError
 from acx4lib.geometry.frames import rotation_from_opk
 from acx4lib.georeferencing.validation import validate
 from acx4lib.least_squares.statistics import critical_tau
+from acx4lib.model import Model
 from support import blocks
 from support.flights.simulated import HEADS, fly, named, of_calibration
 from support.helpers import repeats
@@ -28,11 +29,11 @@ FREE = ("f", "xp", "yp", "k1", "p1", "p2")
 
 
 def mounted_network(block):
-    return mounted_orientation(block, free=FREE)
+    return mounted_orientation(block, Model(free=FREE))
 
 
 def free_network(block):
-    return free_orientation(block, free=FREE)
+    return free_orientation(block, Model(free=FREE))
 
 
 def rejections(block, set_up=mounted_network, **options):
@@ -275,7 +276,7 @@ def test_at_a_low_limit_that_many_fail(exact_block):
     found, predicted = 0, 0.0
     for seed in range(12):
         start = blocks.approximate(blocks.noisy(exact_block, np.random.default_rng(seed)))
-        fit = adjust(mounted_orientation(start, free=("f", "xp", "yp", "k1", "p1", "p2")))
+        fit = adjust(mounted_orientation(start, Model(free=("f", "xp", "yp", "k1", "p1", "p2"))))
         found += sum(int(np.sum(np.abs(g.w[g.used]) > 2)) for g in fit.solution.groups)
         predicted += expected_failures(fit, critical=2.0)
     assert predicted > 500
@@ -347,9 +348,9 @@ def test_absurd_control_is_rejected_in_a_single_step(tmp_path, kind, rows):
     path, names = spoil(tmp_path / "f", "single-head", ABSURD[kind], rows, options=options)
     spoilt, clean = flight.read(path), fly("single-head", seed=1).flight
     free = clean.estimate_mounting
-    found = mounting.calibrate(spoilt.calibration, free=free)
+    found = mounting.calibrate(spoilt.calibration, Model(free=free))
     assert not found.failures
-    reference = mounting.single_step(lacking(clean.calibration, names), free=free)
+    reference = mounting.single_step(lacking(clean.calibration, names), Model(free=free))
     bundle = found["single_step"].bundle
     assert_as_without(bundle, reference.bundle, names, spoilt.calibration)
     chance = named(clean.calibration, reference.bundle.rejected)
@@ -367,9 +368,9 @@ def test_absurd_control_is_rejected_in_every_head_that_sees_it(tmp_path, kind):
     path, names = spoil(tmp_path / "f", "acx4", ABSURD[kind], [3, 12], options=options)
     spoilt, clean = flight.read(path), fly("acx4", seed=1, blocks=("heads",)).flight
     free = clean.estimate_heads
-    found = heads.calibrate_heads(spoilt.heads, HEADS, free=free)
+    found = heads.calibrate_heads(spoilt.heads, HEADS, Model(free=free))
     assert not found.failures
-    reference = heads.calibrate_heads(lacking(clean.heads, names), HEADS, free=free)
+    reference = heads.calibrate_heads(lacking(clean.heads, names), HEADS, Model(free=free))
     for head, bundle in found.bundles.items():
         own = bundle.network.block
         seen = [own.points[i] for i in np.flatnonzero(own.rays) if own.points[i] in names]
@@ -435,5 +436,7 @@ def test_a_bad_start_casts_no_doubt_on_single_points(exact_block):
     """The mounting 12 degrees off, which every point shows alike: none is taken out."""
     turn = rotation_from_opk(np.radians([12.0, 0.0, 0.0]))
     turned = [replace(c, T_b_c=replace(c.T_b_c, R=c.T_b_c.R @ turn)) for c in exact_block.cameras]
-    found = mounting.single_step(replace(exact_block, cameras=tuple(turned)), free=("xp", "yp"))
+    found = mounting.single_step(
+        replace(exact_block, cameras=tuple(turned)), Model(free=("xp", "yp"))
+    )
     assert found.bundle.rejected == ()

@@ -7,10 +7,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4lib.bundle import adjust
-from acx4lib.bundle.unknowns import free_shift, layout
+from acx4lib.bundle.unknowns import layout
 from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk, transform
 from acx4lib.geometry.parameters import AXES, GNSS, MOUNT, POSE
+from acx4lib.model import Model
 from support import blocks
 from support.helpers import dense_jacobian, numeric_dense_jacobian
 
@@ -64,23 +65,25 @@ def off(net, rng):
 def networks():
     """The uses of the one model, on six exposures."""
     one, rig = small(), small((blocks.CAMERA, SECOND))
-    observed = adjust.mounted_orientation(one, free=()).observed
+    observed = adjust.mounted_orientation(one, Model()).observed
     return {
-        "free": adjust.free_orientation(one, free=("xp", "yp", "k1")),
+        "free": adjust.free_orientation(one, Model(free=("xp", "yp", "k1"))),
         "positions": adjust.free_orientation(
             one,
-            free=INTERIOR,
+            Model(free=INTERIOR),
             positions=replace(observed, sigma_attitude=np.full((6, 3), np.inf)),
         ),
-        "mounted": adjust.mounted_orientation(one, free=("f", "xp", "yp")),
-        "boresight held": adjust.mounted_orientation(one, free=("f",), free_mount=MOUNT[:3]),
-        "mounting held": adjust.mounted_orientation(one, free=("k3", "b1"), free_mount=()),
-        "rig": adjust.mounted_orientation(rig, free=INTERIOR),
-        "shift": adjust.mounted_orientation(rig, free=("f",), gnss=("shift",)),
-        "drift": adjust.mounted_orientation(
-            blocks.in_strips(one, 3), free=("f",), free_mount=MOUNT[3:], gnss=GNSS[:2]
+        "mounted": adjust.mounted_orientation(one, Model(free=("f", "xp", "yp"))),
+        "boresight held": adjust.mounted_orientation(one, Model(free=("f",), fix=("boresight",))),
+        "mounting held": adjust.mounted_orientation(
+            one, Model(free=("k3", "b1"), fix=("lever_arm", "boresight"))
         ),
-        "delay": adjust.mounted_orientation(timed(one), free=("f",), gnss=GNSS[2:]),
+        "rig": adjust.mounted_orientation(rig, Model(free=INTERIOR)),
+        "shift": adjust.mounted_orientation(rig, Model(free=("f",), gnss=("shift",))),
+        "drift": adjust.mounted_orientation(
+            blocks.in_strips(one, 3), Model(free=("f",), fix=("lever_arm",), gnss=GNSS[:2])
+        ),
+        "delay": adjust.mounted_orientation(timed(one), Model(free=("f",), gnss=GNSS[2:])),
     }
 
 
@@ -148,17 +151,6 @@ def test_shift_and_drifts_stand_between_cameras_and_poses():
     assert columns.n_columns == 21
 
 
-def test_the_height_of_the_shift_is_held_where_the_lever_arms_is_free():
-    assert free_shift(("shift", "drift"), MOUNT) == ("east", "north")
-    assert free_shift(("shift",), MOUNT[3:]) == ("east", "north", "height")
-    assert free_shift(("drift",), MOUNT[3:]) == ()
-    with pytest.raises(
-        ValueError,
-        match="gnss: expected names of shift, drift, delay, deviation, got",
-    ):
-        free_shift(("offset",), MOUNT)
-
-
 def test_an_unknown_parameter_is_named():
     for names in ({"free": ("f", "k4")}, {"free_mount": ("k4",)}, {"free_shift": ("k4",)}):
         with pytest.raises(ValueError, match=f"{next(iter(names))}: expected names of .*'k4'"):
@@ -182,7 +174,7 @@ def test_points_move_by_their_step(net, rng):
 
 def test_residuals_of_the_truth_vanish():
     block = small()
-    net = adjust.mounted_orientation(block, free=("f",))
+    net = adjust.mounted_orientation(block, Model(free=("f",)))
     x_m = np.concatenate([blocks.crosses(spacing_m=200.0), blocks.terrain(6, half_m=150.0)])
     state = replace(net.start, x_m=x_m)
     for v, sigma in net.residuals(state):
@@ -242,7 +234,7 @@ def test_a_single_component_without_error_is_a_micrometre():
     block = small()
     sigma = np.tile([0.01, 0.0, 0.02], (9, 1))
     block = replace(block, control=replace(block.control, sigma_m=sigma))
-    _, used = adjust.free_orientation(block, free=()).residuals(networks()["free"].start)[1]
+    _, used = adjust.free_orientation(block, Model()).residuals(networks()["free"].start)[1]
     assert_allclose(used, np.tile([0.01, 1e-6, 0.02], (9, 1)), atol=0)
 
 
@@ -271,7 +263,7 @@ def test_at_the_adjusted_point_derivatives_leave_out_how_the_last_step_curves(ne
 @pytest.mark.parametrize("setup", [adjust.free_orientation, adjust.mounted_orientation])
 def test_derivatives_leave_out_only_how_refraction_changes(setup, rng):
     """The lift is taken as constant: its own slope is of the size K = 3e-5 at most."""
-    net = setup(small(refraction="standard"), free=("f", "xp"), refraction="standard")
+    net = setup(small(refraction="standard"), Model(free=("f", "xp"), refraction="standard"))
     assert largest_difference(net, off(net, rng)) < 1e-4
 
 
@@ -279,6 +271,6 @@ def test_refraction_is_in_the_residuals():
     block = small(refraction="standard")
     x_m = np.concatenate([blocks.crosses(spacing_m=200.0), blocks.terrain(6, half_m=150.0)])
     for refraction, smallest, largest in (("standard", 0.0, 1e-8), ("none", 0.01, 1.0)):
-        net = adjust.mounted_orientation(block, free=(), refraction=refraction)
+        net = adjust.mounted_orientation(block, Model(refraction=refraction))
         v, _ = net.residuals(replace(net.start, x_m=x_m))[0]
         assert smallest <= np.abs(v).max() <= largest  # px

@@ -4,23 +4,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from acx4lib.bundle import adjust
 from acx4lib.bundle.observations import (
+    DECLARED,
     Strips,
-    mounting_equations,
+    declared,
     position_errors,
     shared_errors,
     slow_errors,
     strips_of,
     velocities,
 )
+from acx4lib.bundle.unknowns import layout
 from acx4lib.errors import AdjustmentError
-from acx4lib.geometry.camera import mountings
 from acx4lib.geometry.frames import Pose, exp, transform
-from acx4lib.geometry.parameters import Prior
+from acx4lib.geometry.parameters import MOUNT, Prior
 from acx4lib.least_squares.covariance import GaussMarkov
+from acx4lib.model import Model
 from support import blocks
 from support.helpers import numeric_jacobian
 
@@ -34,7 +36,7 @@ def block():
 
 
 def test_positions_are_off_by_the_shift_and_what_the_drift_has_added_up():
-    net = adjust.mounted_orientation(blocks.standard(), free=())
+    net = adjust.mounted_orientation(blocks.standard(), Model())
     strips = Strips(names=("A", "B"), idx=np.array([0, 1, -1]), elapsed=np.array([2.0, -3.0, 0.0]))
     drift = np.array([[0.1, 0.0, 0.0], [0.0, 0.2, 0.01]])
     found = position_errors(
@@ -46,11 +48,11 @@ def test_positions_are_off_by_the_shift_and_what_the_drift_has_added_up():
 
 def test_observed_positions_are_the_true_ones_and_their_errors(block):
     """At the truth, positions shifted and drifting along the grid's axes leave no residual."""
-    net = adjust.mounted_orientation(block, free=(), gnss=("shift", "drift"))
+    net = adjust.mounted_orientation(block, Model(gnss=("shift", "drift")))
     shift, drift = np.array([0.3, -0.2, 0.1]), 0.01 * np.arange(9).reshape(3, 3)
     by = position_errors(net.observed, replace(net.start, shift=shift, drift=drift))
     off = adjust.mounted_orientation(
-        blocks.changed(block, "gnss", by), free=(), gnss=("shift", "drift")
+        blocks.changed(block, "gnss", by), Model(gnss=("shift", "drift"))
     )
     truth = replace(off.start, T_m_b=net.start.T_m_b, shift=shift, drift=drift)
     v, _ = off.residuals(truth)[2]
@@ -71,7 +73,7 @@ def straight():
 
 def test_what_is_recorded_late_is_the_position_of_a_later_time(straight):
     """At the truth, positions of 20 ms later leave no residual."""
-    net = adjust.mounted_orientation(straight, free=(), gnss=("delay",))
+    net = adjust.mounted_orientation(straight, Model(gnss=("delay",)))
     T, R_m_g = net.start.T_m_b, np.swapaxes(straight.trajectory.R_g_m, -1, -2)
     late = Pose(R=T.R, r=T.r + transform(R_m_g, 0.02 * net.observed.velocity))
     truth = replace(net.start, delay=np.array([0.02]))
@@ -84,7 +86,7 @@ def test_what_is_recorded_late_is_the_position_of_a_later_time(straight):
 def test_derivatives_by_errors_of_the_trajectory_and_poses_agree_with_differences(
     straight, rng, errors
 ):
-    net = adjust.mounted_orientation(straight, free=(), free_mount=(), gnss=errors)
+    net = adjust.mounted_orientation(straight, Model(fix=("lever_arm", "boresight"), gnss=errors))
     turned = exp(rng.normal(0, 0.02, (12, 3)))
     T = Pose(R=net.start.T_m_b.R @ turned, r=net.start.T_m_b.r + rng.normal(0, 1, (12, 3)))
     state = replace(net.start, T_m_b=T, delay=np.array([0.3]))
@@ -129,7 +131,7 @@ def test_what_takes_no_part_is_linked_to_nothing(block):
     sigma = trajectory.sigma_position.copy()
     sigma[5] = np.inf
     trajectory = replace(trajectory, sigma_position=sigma)
-    net = adjust.mounted_orientation(replace(block, trajectory=trajectory), free=())
+    net = adjust.mounted_orientation(replace(block, trajectory=trajectory), Model())
     linked = net.observed.linked
     assert linked[linked[:, 0] == 5].tolist() == [[5, 5]]
     assert [4, 6] in linked.tolist()
@@ -179,7 +181,7 @@ def test_an_exposure_alone_or_in_no_strip_does_not_drift(strips_block):
 
 def test_a_block_without_strips_cannot_drift():
     with pytest.raises(AdjustmentError, match=r"images\.csv needs its column strip"):
-        adjust.mounted_orientation(blocks.standard(), free=(), gnss=("drift",))
+        adjust.mounted_orientation(blocks.standard(), Model(gnss=("drift",)))
 
 
 # --- motion ----------------------------------------------------------------------------------
@@ -229,7 +231,7 @@ def test_a_strip_that_is_not_straight_has_no_velocity():
     [
         ("A" * 12, np.full(12, np.nan), "needs its column time_s"),
         ("A" * 11 + "B", np.arange(12.0), "no neighbour in a strip tells the velocity of exposure"),
-        ("A" * 12, [0.0, 0.0, *range(2, 12)], "has the time of another of its strip"),
+        ("A" * 12, [0.0, 0.0, *range(2, 12)], "two exposures of strip 'A' have the same time"),
     ],
 )
 def test_a_delay_needs_times_and_neighbours(strips_block, strips, time_s, says):
@@ -307,19 +309,21 @@ def test_white_errors_share_nothing_and_slow_ones_need_times(trajectory):
 # --- Declared mountings as observations
 
 
-def test_declared_mountings_are_observed_where_they_have_sigma_and_are_estimated():
+def test_what_is_declared_is_observed_where_it_has_sigma_and_is_estimated():
     sigma = (0.02, 0.02, 0.03, 1e-3, 1e-3, 2e-3)
-    camera = replace(blocks.CAMERA, prior=Prior(declared=(True,) * 6, sigma=sigma))
-    columns = np.arange(12).reshape(2, 6)
-    cameras = (blocks.CAMERA, camera)
-    found = list(mounting_equations(cameras, mountings(cameras), columns))
-    assert [(e.kind, e.columns.tolist()) for e in found] == [
-        ("lever_arm", [[6, 7, 8]]),
-        ("boresight", [[9, 10, 11]]),
-    ]
-    held = np.where(columns < 9, columns, -1)
-    assert [e.kind for e in mounting_equations(cameras, mountings(cameras), held)] == ["lever_arm"]
-    assert list(mounting_equations(cameras[:1], mountings(cameras[:1]), columns[:1])) == []
+    prior = Prior(declared=(True,) * 6, sigma=sigma, interior=(0.01, np.inf, np.inf))
+    cameras = (blocks.CAMERA, replace(blocks.CAMERA, prior=prior))
+    all_free = layout(2, 0, free=("f", "xp"), free_mount=MOUNT)
+    found = {kind: declared(cameras, kind, all_free) for kind in DECLARED}
+    assert {kind: where.tolist() for kind, (_, _, where) in found.items()} == {
+        "lever_arm": [[10, 11, 12]],
+        "boresight": [[13, 14, 15]],
+        "interior": [[8, 9, -1]],
+    }
+    assert_array_equal(found["interior"][1], [[0.01, np.inf, np.inf]])
+    lever_only = layout(2, 0, free=(), free_mount=MOUNT[:3])
+    seen = {kind: declared(cameras, kind, lever_only)[0].tolist() for kind in DECLARED}
+    assert seen == {"lever_arm": [1], "boresight": [], "interior": []}
 
 
 def test_residuals_of_a_mounting_are_along_and_about_the_bodys_axes(rng):
@@ -330,9 +334,12 @@ def test_residuals_of_a_mounting_are_along_and_about_the_bodys_axes(rng):
     about_body = np.radians([0.4, -0.3, 2.0])
     R, off = exp(about_body) @ turned.R, np.array([0.1, -0.2, 0.3])
 
+    block = replace(blocks.standard(), cameras=(camera,))
+    net = adjust.mounted_orientation(block, Model())
+
     def v(step):
         T = Pose(R=(R @ exp(step[3:]))[None], r=(off + step[:3])[None])
-        lever, boresight = mounting_equations((camera,), T, np.arange(6)[None])
+        lever, boresight = net.besides_rays(replace(net.start, T_b_c=T))[-2:]
         return np.concatenate([lever.v[0], boresight.v[0]]), (lever, boresight)
 
     value, (lever, boresight) = v(np.zeros(6))

@@ -19,6 +19,7 @@ from acx4lib.bundle.rejections import (
     without,
 )
 from acx4lib.errors import AdjustmentError
+from acx4lib.model import Model
 from support import blocks
 
 
@@ -58,7 +59,7 @@ FREE = ("f", "xp", "yp", "k1", "p1", "p2")
 
 def adjusted(block):
     start = blocks.approximate(block)
-    return adjust_rejecting(start, lambda b: mounted_orientation(b, free=FREE))
+    return adjust_rejecting(start, lambda b: mounted_orientation(b, Model(free=FREE)))
 
 
 def with_errors(block, kind, rows, component, size):
@@ -71,7 +72,9 @@ def test_a_block_in_which_no_point_has_two_rays_is_its_trajectory(exact_block):
     points = exact_block.image_points
     _, first = np.unique(points.point_idx, return_index=True)
     block = replace(exact_block, image_points=points[first], control=NO_POINTS, check=NO_POINTS)
-    fit = adjust_rejecting(block, lambda b: mounted_orientation(b, free=(), free_mount=()))
+    fit = adjust_rejecting(
+        block, lambda b: mounted_orientation(b, Model(fix=("lever_arm", "boresight")))
+    )
     assert (fit.solution.redundancy, fit.rejected) == (0, ())
 
 

@@ -14,6 +14,7 @@ from acx4lib.geometry.camera import distort
 from acx4lib.least_squares.normal_equations import Equations
 from acx4lib.least_squares.reduced_system import Dense
 from acx4lib.least_squares.statistics import Group
+from acx4lib.model import Model
 from support import blocks
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")
@@ -89,7 +90,7 @@ def test_gains_are_what_changed_observations_do(exact_block, kind, row, componen
 
     def adjusted(sign):
         spoilt = blocks.changed(exact_block, kind, sign * by)
-        return adjust(mounted_orientation(spoilt, free=FREE))
+        return adjust(mounted_orientation(spoilt, Model(free=FREE)))
 
     exact, ahead, behind = (adjusted(sign) for sign in (0.0, 1.0, -1.0))
     network, columns = exact.network, columns_of(exact)[: len(FREE) + 3]  # and the lever arm
@@ -134,7 +135,7 @@ def test_a_height_that_alone_holds_the_block_moves_it_without_bound(exact_block)
         trajectory=replace(trajectory, sigma_position=position),
         control=replace(control, sigma_m=in_plan),
     )
-    fit = adjust(mounted_orientation(block, free=("xp",), free_mount=()))
+    fit = adjust(mounted_orientation(block, Model(free=("xp",), fix=("lever_arm", "boresight"))))
     xp, height = 0, fit.network.layout.pose[8, 2]
     number = [g.kind for g in fit.solution.groups].index("gnss")
     effect = parameter_effects(fit, np.array([xp, height]))[number]
@@ -174,7 +175,7 @@ def two_rays(exact_block):
     others = (points.point_idx == points.point_idx[i]) & ~np.isin(np.arange(len(rows)), [i, j])
     sigma[others] *= 1e5
     block = replace(exact_block, image_points=replace(points, sigma_px=sigma))
-    fit = adjust(mounted_orientation(block, free=FREE))
+    fit = adjust(mounted_orientation(block, Model(free=FREE)))
     return fit, int(np.flatnonzero(fit.network.rows == i)[0])
 
 

@@ -23,6 +23,7 @@ from acx4lib.bundle.start import (
 )
 from acx4lib.errors import AdjustmentError
 from acx4lib.geometry.frames import Pose, rotation_from_opk, turn
+from acx4lib.model import Model
 from support import blocks
 from support.helpers import rotation_angle
 
@@ -52,7 +53,7 @@ def with_attitudes(block, R_m_b):
 def test_any_mounting_is_recovered_and_the_observed_attitudes_stay(exact_block, seed):
     (camera,) = exact_block.cameras
     anyhow = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
-    network = mounted_orientation(exact_block, free=FREE)
+    network = mounted_orientation(exact_block, Model(free=FREE))
     T_b_c = Pose(R=anyhow[None], r=camera.T_b_c.r[None])
     state = recovered(replace(network, start=replace(network.start, T_b_c=T_b_c)))
     assert rotation_angle(state.T_b_c.R[0], camera.T_b_c.R) < 1e-6  # exact data
@@ -65,7 +66,7 @@ def test_any_mounting_is_recovered_and_the_observed_attitudes_stay(exact_block, 
 def test_any_attitudes_are_recovered_where_none_is_observed(exact_block, seed):
     """Nine control points are seen by all images, wholly or in part."""
     anyhow = Rotation.random(12, rng=np.random.default_rng(seed)).as_matrix()
-    network = free_orientation(with_attitudes(exact_block, anyhow), free=FREE)
+    network = free_orientation(with_attitudes(exact_block, anyhow), Model(free=FREE))
     assert rotation_angle(recovered(network).T_m_b.R, true_poses(exact_block).R).max() < 1e-3
 
 
@@ -79,7 +80,7 @@ def test_only_attitudes_that_are_not_well_observed_are_turned(exact_block, vague
         exact_block,
         trajectory=replace(trajectory, T_m_b=Pose(R=R, r=trajectory.T_m_b.r), sigma_attitude=sigma),
     )
-    found = recovered(mounted_orientation(block, free=FREE)).T_m_b.R
+    found = recovered(mounted_orientation(block, Model(free=FREE))).T_m_b.R
     assert_allclose(np.delete(found, 5, axis=0), np.delete(R, 5, axis=0), atol=0)
     assert rotation_angle(found[5], trajectory.T_m_b.R[5]) < np.radians(0.1)
 
@@ -90,7 +91,7 @@ def test_an_image_without_control_is_turned_like_the_others_and_onto_its_tie_poi
     block = replace(exact_block, image_points=exact_block.image_points[keep])
     (camera,) = block.cameras
     wrong = with_mounting(block, camera.T_b_c.R @ turn(2, np.pi / 2))
-    network = free_orientation(wrong, free=FREE)
+    network = free_orientation(wrong, Model(free=FREE))
     assert rotation_angle(recovered(network).T_m_b.R[4], true_poses(block).R[4]) < 1e-3
 
 
@@ -99,7 +100,7 @@ def test_a_wrong_control_point_hardly_turns_a_camera(exact_block):
     block = blocks.changed(exact_block, "control_point", [[0.0, 200.0, 0.0]] + [[0.0] * 3] * 8)
     (camera,) = block.cameras
     wrong = with_mounting(block, camera.T_b_c.R @ turn(2, np.pi / 2))
-    state = recovered(mounted_orientation(wrong, free=FREE))
+    state = recovered(mounted_orientation(wrong, Model(free=FREE)))
     assert rotation_angle(state.T_b_c.R[0], camera.T_b_c.R) < np.radians(0.1)
 
 
@@ -108,7 +109,7 @@ def test_one_ray_leaves_the_turn_about_itself_as_it_was(exact_block):
     points = exact_block.image_points
     own = np.flatnonzero(points.image_idx == 4)
     block = replace(exact_block, image_points=points[np.setdiff1d(np.arange(len(points)), own[1:])])
-    network = free_orientation(block, free=FREE)
+    network = free_orientation(block, Model(free=FREE))
     # about the vertical, which the ray of a control point leaves by up to 25 degrees
     R = network.observed.T_m_b.R.copy()
     R[4] = turn(2, np.radians(1.0)) @ R[4]
@@ -148,7 +149,7 @@ ROBUST_FREE = ("f", "xp", "yp", "k1", "p1", "p2")
 
 
 def network_of(block):
-    return mounted_orientation(blocks.approximate(block), free=ROBUST_FREE)
+    return mounted_orientation(blocks.approximate(block), Model(free=ROBUST_FREE))
 
 
 def interior(state):
@@ -246,13 +247,13 @@ def test_spread_is_one_at_least_and_ignores_what_takes_no_part(rng):
 def test_ordinary_start_values_are_taken_as_they_are(exact_block):
     """Half a degree and 0.3 mm: no phase comes before the adjustment."""
     rough = blocks.approximate(exact_block)
-    network = mounted_orientation(rough, free=FREE)
+    network = mounted_orientation(rough, Model(free=FREE))
     assert not far_off(network, network.start).any()
     assert_allclose(network.start.T_b_c.R[0], rough.cameras[0].T_b_c.R, atol=0)
 
 
 def test_a_single_image_that_looks_elsewhere_is_far_off(exact_block):
-    network = free_orientation(exact_block, free=FREE)
+    network = free_orientation(exact_block, Model(free=FREE))
     R = network.start.T_m_b.R.copy()
     R[3] = R[3] @ turn(0, np.radians(6.0))
     state = replace(network.start, T_m_b=Pose(R=R, r=network.start.T_m_b.r))
@@ -262,12 +263,12 @@ def test_a_single_image_that_looks_elsewhere_is_far_off(exact_block):
 
 
 def test_good_start_values_raise_no_suspicion(exact_block):
-    network = mounted_orientation(exact_block, free=FREE)
+    network = mounted_orientation(exact_block, Model(free=FREE))
     assert suspects(network, network.start) == ""
 
 
 def test_a_point_behind_a_camera_is_not_in_front(exact_block):
-    network = mounted_orientation(exact_block, free=FREE)
+    network = mounted_orientation(exact_block, Model(free=FREE))
     assert in_front(network, network.start)
     x_m = network.start.x_m.copy()
     x_m[network.image_points.point_idx[0], 2] = 5000.0  # m, above all flying heights
@@ -276,7 +277,7 @@ def test_a_point_behind_a_camera_is_not_in_front(exact_block):
 
 def test_without_measurements_nothing_is_far_off(exact_block):
     empty = replace(exact_block, image_points=exact_block.image_points[np.zeros(0, dtype=int)])
-    network = free_orientation(empty, free=FREE)
+    network = free_orientation(empty, Model(free=FREE))
     assert not far_off(network, network.start).any()
     assert suspects(network, network.start) == ""
 

@@ -9,18 +9,17 @@ from scipy import stats
 
 import acx4sim
 from acx4book.paper import printed as paper
-from acx4lib.attempts import Failed
 from acx4lib.bundle import variance_components
 from acx4lib.bundle.adjust import adjust, free_orientation, mounted_orientation
 from acx4lib.bundle.rejections import Rejection
 from acx4lib.calibration import mounting
 from acx4lib.calibration.estimates import parameters
-from acx4lib.calibration.mounting import mounting_jacobians, mountings_per_image, two_step
+from acx4lib.calibration.mounting import mounting_jacobians, mountings_per_image
 from acx4lib.errors import AdjustmentError
 from acx4lib.geometry.camera import Interior
 from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk
 from acx4lib.geometry.parameters import MOUNT
-from acx4lib.least_squares.covariance import GaussMarkov
+from acx4lib.model import Model
 from support import blocks
 from support.flights import simulated as flown
 from support.helpers import numeric_jacobian, repeats, rotation_angle
@@ -50,12 +49,12 @@ def test_two_step_methods_begin_with_the_single_step_and_end_where_they_would_al
     noisy_block, off_deg
 ):
     block = blocks.approximate(noisy_block, boresight_deg=off_deg)
-    together = mounting.calibrate(block, free=FREE)
+    together = mounting.calibrate(block, Model(free=FREE))
     for name, method in (
         ("two_step", mounting.two_step),
         ("two_step_gnss", mounting.two_step_gnss),
     ):
-        found, alone = together[name], method(block, free=FREE)
+        found, alone = together[name], method(block, Model(free=FREE))
         assert found.bundle.solution.iterations <= 4 - (name == "two_step")
         assert found.bundle.network.left_out == alone.bundle.network.left_out
         assert_allclose(found.calibration.cov, alone.calibration.cov, rtol=1e-4, atol=1e-18)
@@ -66,7 +65,7 @@ def test_two_step_methods_begin_with_the_single_step_and_end_where_they_would_al
 
 
 def test_single_step_recovers_the_mounting_of_exact_data(exact_block):
-    found = mounting.single_step(blocks.approximate(exact_block), free=FREE)
+    found = mounting.single_step(blocks.approximate(exact_block), Model(free=FREE))
     assert found.method == "single_step"
     assert_mounted(found.calibration.cameras[0], exact_block.cameras[0])
 
@@ -74,7 +73,7 @@ def test_single_step_recovers_the_mounting_of_exact_data(exact_block):
 @pytest.mark.parametrize("cameras", [(blocks.CAMERA,), (blocks.CAMERA, SIDE)])
 def test_two_step_recovers_the_mounting_of_exact_data(cameras):
     block = blocks.standard(cameras=cameras)
-    found = mounting.two_step(blocks.approximate(block), free=FREE)
+    found = mounting.two_step(blocks.approximate(block), Model(free=FREE))
     for camera, true in zip(found.calibration.cameras, cameras, strict=True):
         # perspective centres come back to 1e-7 m only: f and heights are correlated by 0.99
         assert_mounted(camera, true, lever_m=1e-7, angle=1e-10)
@@ -83,21 +82,12 @@ def test_two_step_recovers_the_mounting_of_exact_data(cameras):
 
 def test_two_step_gnss_recovers_the_boresight_where_there_is_no_lever_arm():
     block = blocks.standard(cameras=(without_lever(),))
-    found = mounting.two_step_gnss(blocks.approximate(block), free=FREE)
+    found = mounting.two_step_gnss(blocks.approximate(block), Model(free=FREE))
     assert_mounted(found.calibration.cameras[0], without_lever(), angle=1e-10)
 
 
-def test_two_step_gnss_takes_a_surveyed_lever_arm(exact_block):
-    lever = exact_block.cameras[0].T_b_c.r
-    found = mounting.two_step_gnss(blocks.approximate(exact_block, lever_m=lever), free=FREE)
-    # it is applied in the trajectory's attitude, which here is the true one
-    assert_mounted(found.calibration.cameras[0], exact_block.cameras[0], angle=1e-10)
-    interior = found.calibration.cameras[0].interior
-    assert interior.f == pytest.approx(exact_block.cameras[0].interior.f, abs=1e-9)
-
-
 def test_every_image_shows_the_mounting_of_eqs_12_and_13(exact_block):
-    found = mounting.two_step(blocks.approximate(exact_block), free=FREE)
+    found = mounting.two_step(blocks.approximate(exact_block), Model(free=FREE))
     T_m_b, T_m_c = exact_block.trajectory.T_m_b, found.bundle.T_m_c
     for i in range(len(T_m_c)):
         R_b_m = T_m_b.R[i].T  # R_m^b(t) of the paper: from m to b
@@ -136,7 +126,7 @@ def test_a_lever_arm_held_at_zero_goes_into_the_interior_orientation_as_in_table
     start = replace(block, cameras=(without_lever(camera),))
     shift = {}
     for name, method in (("gnss", mounting.two_step_gnss), ("one", mounting.single_step)):
-        found = method(start, free=("f", "xp", "yp")).calibration.cameras[0].interior
+        found = method(start, Model(free=("f", "xp", "yp"))).calibration.cameras[0].interior
         shift[name] = np.array([found.f, found.xp, found.yp])
     printed = [
         paper.value(3, name, "two_step") - paper.value(3, name, "single_step")
@@ -160,7 +150,6 @@ def test_a_lever_arm_held_at_zero_goes_into_the_interior_orientation_as_in_table
     ],
 )
 def test_a_part_of_the_mounting_can_be_held(exact_block, fix, names):
-    assert mounting.free_mount(fix) == tuple(names)
     true = exact_block.cameras[0].T_b_c
     held = blocks.approximate(
         exact_block,
@@ -168,14 +157,14 @@ def test_a_part_of_the_mounting_can_be_held(exact_block, fix, names):
         lever_m=true.r if "lever_arm" in fix else None,
     )
     for method in (mounting.single_step, mounting.two_step):
-        found = method(held, free=FREE, fix=fix).calibration
+        found = method(held, Model(free=FREE, fix=fix)).calibration
         assert_mounted(found.cameras[0], exact_block.cameras[0], lever_m=1e-7, angle=1e-10)
         assert found.n_columns == len(FREE) + len(names)
 
 
 def rejecting(block, rejected):
     """Return the single step as if it had rejected other observations."""
-    single = mounting.single_step(block, free=FREE)
+    single = mounting.single_step(block, Model(free=FREE))
     return replace(single, bundle=replace(single.bundle, rejected=rejected))
 
 
@@ -185,42 +174,17 @@ def test_an_exposure_that_was_rejected_enters_no_mean(exact_block, kind):
     by[3] = {"gnss": 5.0, "attitude": 0.01}[kind]
     spoilt = blocks.changed(blocks.approximate(exact_block), kind, by)
     rejected = (Rejection(kind=kind, row=3, component=-1, statistic=99.0),)
-    found = mounting.two_step(spoilt, free=FREE, after=rejecting(spoilt, rejected))
+    found = mounting.two_step(spoilt, Model(free=FREE), after=rejecting(spoilt, rejected))
     assert np.flatnonzero(~found.averaged).tolist() == [3]
     assert_mounted(found.calibration.cameras[0], exact_block.cameras[0], lever_m=1e-7, angle=1e-9)
     assert found.bundle.rejected == rejected
-
-
-def test_a_mean_boresight_lies_amid_those_of_the_images():
-    """A camera turned by 90 degrees on its mount, and attitudes so poor that all weigh the same."""
-    block = blocks.standard(cameras=(SIDE,))
-    sigma = np.full((len(block.trajectory), 3), np.radians(0.2))
-    block = replace(block, trajectory=replace(block.trajectory, sigma_attitude=sigma))
-    noise = sigma * np.random.default_rng(11).normal(size=sigma.shape)
-    found = mounting.two_step(blocks.changed(block, "attitude", noise), free=("xp", "yp"))
-    away = log(found.calibration.cameras[0].T_b_c.R.T @ found.per_image.R)
-    assert np.abs(away).max() > np.radians(0.2)
-    assert_allclose(away.mean(axis=0), 0.0, atol=np.radians(0.002))  # weights differ by a per cent
-
-
-def test_a_method_begins_after_one_of_the_same_block_alone(noisy_block):
-    single = mounting.single_step(noisy_block, free=FREE)
-    fewer = replace(noisy_block, image_points=noisy_block.image_points[1:])
-    with pytest.raises(ValueError, match="after: expected an outcome on the same block"):
-        mounting.two_step(fewer, free=FREE, after=single)
-
-
-def test_nothing_is_taken_over_from_a_method_that_failed(noisy_block):
-    failed = Failed(method="single_step", reason="no start", error=AdjustmentError("no start"))
-    after, alone = (mounting.two_step(noisy_block, free=FREE, after=one) for one in (failed, None))
-    assert np.array_equal(after.calibration.cov, alone.calibration.cov)
 
 
 def test_single_step_says_what_it_rejected_and_the_others_take_it_over(noisy_block):
     by = np.zeros((len(noisy_block.image_points), 2))
     by[100, 1] = 8.0
     spoilt = blocks.approximate(blocks.changed(noisy_block, "image_point", by))
-    found = mounting.calibrate(spoilt, free=FREE)
+    found = mounting.calibrate(spoilt, Model(free=FREE))
     assert list(found.methods) == ["two_step", "two_step_gnss", "single_step"]
     assert found.failures == {}
     for method in found.methods:
@@ -230,7 +194,7 @@ def test_single_step_says_what_it_rejected_and_the_others_take_it_over(noisy_blo
 
 def test_a_method_that_fails_is_named_and_the_others_stand(exact_block):
     few = replace(exact_block, control=exact_block.control[np.arange(2)])
-    found = mounting.calibrate(blocks.approximate(few, df=0.0), free=("xp", "yp"))
+    found = mounting.calibrate(blocks.approximate(few, df=0.0), Model(free=("xp", "yp")))
     assert list(found.methods) == ["two_step_gnss", "single_step"]
     assert list(found.failures) == ["two_step"]
     assert "2 control points in images do not orient the block" in found.failures["two_step"]
@@ -274,9 +238,9 @@ def test_covariances_carry_every_observation_to_the_parameters(method):
     free = ("xp", "yp", "k1")
 
     def estimate(changed):
-        return estimates(method(changed, free=free).calibration, camera)
+        return estimates(method(changed, Model(free=free)).calibration, camera)
 
-    calibration = method(block, free=free).calibration
+    calibration = method(block, Model(free=free)).calibration
     numeric = blocks.numeric_covariance(block, estimate)
     sigma = np.sqrt(np.diag(numeric))
     # steps of a thousandth of a sigma: curvature leaves less than 1e-5 of it
@@ -297,7 +261,7 @@ def test_errors_over_many_flights_are_as_large_as_their_joint_covariance_says(ex
         noisy = blocks.noisy(exact_block, np.random.default_rng(1000 + seed))
         # the distortion that is not estimated is known
         held = replace(blocks.approximate(noisy, df=0.0).cameras[0], interior=true.interior)
-        found = method(replace(noisy, cameras=(held,)), free=free).calibration
+        found = method(replace(noisy, cameras=(held,)), Model(free=free)).calibration
         error = estimates(found, true) - truth
         total += error @ np.linalg.solve(found.cov, error)
         dof += len(error)
@@ -305,25 +269,12 @@ def test_errors_over_many_flights_are_as_large_as_their_joint_covariance_says(ex
     assert low < total < high
 
 
-def test_where_no_method_has_an_outcome_every_reason_is_said():
-    block = blocks.standard()
-    one = replace(block, image_points=block.image_points[block.image_points.image_idx == 0])
-    with pytest.raises(AdjustmentError) as caught:
-        mounting.calibrate(one, free=FREE)
-    lines = str(caught.value).splitlines()
-    assert [line.partition(":")[0] for line in lines] == [
-        "mounting/single_step",
-        "mounting/two_step",
-        "mounting/two_step_gnss",
-    ]
-
-
 # --- Derivatives of the mountings of single images
 
 
 def test_mounting_jacobians(exact_block):
     """The Jacobians agree with eqs (12) and (13); say nothing of these themselves."""
-    fit = adjust(free_orientation(exact_block, free=("xp",)))
+    fit = adjust(free_orientation(exact_block, Model(free=("xp",))))
     T_b_c = mountings_per_image(fit)
     by_camera, by_trajectory = mounting_jacobians(fit, T_b_c)
     net = fit.network
@@ -352,22 +303,6 @@ def test_mounting_jacobians(exact_block):
     assert_allclose(by_trajectory, numeric_jacobian(with_body, np.zeros(6), step=steps), atol=1e-6)
 
 
-def test_an_error_of_attitude_that_all_images_share_does_not_average_out():
-    """As good as exact images: the boresight has all of it, and an n-th where errors are white."""
-    exact = blocks.in_strips(blocks.standard(), 3)
-    points = replace(exact.image_points, sigma_px=np.full(len(exact.image_points), 1e-3))
-    control = replace(exact.control, sigma_m=np.full_like(exact.control.sigma_m, 1e-5))
-    white = replace(exact, image_points=points, control=control)
-    constant = GaussMarkov(share=1 - 1e-9, time_constant_s=1e9)
-    slow = replace(white, trajectory=replace(white.trajectory, slow_attitudes=constant))
-    R_b_c, sigma = blocks.CAMERA.T_b_c.R, white.trajectory.sigma_attitude[0]
-    one = R_b_c.T @ np.diag(sigma**2) @ R_b_c
-    for block, n in ((white, len(white.trajectory)), (slow, 1)):
-        found = two_step(block, free=("xp",)).calibration
-        boresight = found.layout.mount[0, 3:]
-        assert_allclose(found.cov[np.ix_(boresight, boresight)], one / n, rtol=1e-3, atol=1e-12)
-
-
 # --- weights of the observations -------------------------------------------------------------
 
 
@@ -375,7 +310,7 @@ WEIGHTS_FREE = ("f", "xp", "yp", "k1")
 
 
 def adjusted(block):
-    return adjust(mounted_orientation(block, free=WEIGHTS_FREE))
+    return adjust(mounted_orientation(block, Model(free=WEIGHTS_FREE)))
 
 
 @pytest.fixture(scope="module")
@@ -398,28 +333,12 @@ def test_with_estimated_sigma_every_group_fits_its_residuals(block, factors):
         assert c.factor == pytest.approx(c.applied, rel=2e-3)
 
 
-def test_estimated_sigma_do_not_depend_on_those_given(block, factors):
-    """The same sigma come out, in m and px, from weights that were wrong by up to three."""
-    off = {"image points": 0.6, "GNSS": 2.0, "heading": 0.4}
-    again = mounting.estimated_factors(mounting.scaled(block, off), adjusted)
-    for group in ("image points", "GNSS", "roll, pitch", "heading"):
-        assert off.get(group, 1.0) * again[group] == pytest.approx(factors[group], rel=5e-3)
-
-
 def test_a_group_with_too_little_redundancy_keeps_its_sigma(block):
     two = replace(block, control=block.control[:2])
     bare = mounting.estimated_factors(two, adjusted)
     assert bare["control height"] == 1.0
     assert bare["control plan"] == 1.0
     assert bare["image points"] != 1.0
-
-
-def test_given_sigma_stay_as_they_are(block):
-    same, none = mounting.weighted(block, weights="given", free=WEIGHTS_FREE)
-    assert same is block
-    assert none == {}
-    with pytest.raises(ValueError, match="one of given, estimated, got 'both'"):
-        mounting.weighted(block, weights="both", free=WEIGHTS_FREE)
 
 
 def test_scaling_multiplies_the_sigma_of_its_groups_only(block):
@@ -447,10 +366,9 @@ def test_a_flights_gnss_that_is_2_5_times_worse_than_stated_is_found_so():
     toml = told.toml + 'weights = "estimated"\n'
     flight = flown.read_back(replace(true, toml=toml)).flight
     assert flight.weights == "estimated"
-    settings = {"free": flight.estimate_mounting, "fix": flight.fix}
-    block, factors = mounting.weighted(flight.calibration, weights=flight.weights, **settings)
+    block, factors = mounting.weighted(flight.calibration, flight.model, weights=flight.weights)
     found = variance_components.components(
-        adjust(mounted_orientation(block, free=flight.estimate_mounting)), applied=factors
+        adjust(mounted_orientation(block, Model(free=flight.estimate_mounting))), applied=factors
     )
     gnss = next(c for c in found if c.group == "GNSS")
     assert abs(gnss.applied - 2.5) < 3.3 * gnss.sigma

@@ -15,11 +15,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from acx4files.results import rows
+from acx4files.results import tables
 from acx4lib.calibration import mounting
 from acx4lib.geometry import geodesy
 from acx4lib.geometry.frames import Pose, log, opk_from_rotation, rotation_from_opk
 from acx4lib.geometry.geodesy import GridSystem, LocalFrame, MappingFrame
+from acx4lib.model import Model
 from support import blocks
 from support.helpers import numeric_jacobian
 from support.strategies import numbers, opk
@@ -439,9 +440,9 @@ def test_a_block_on_no_map_is_calibrated_as_one_on_a_map_and_reported():
     """East, north and height are then x, y and z."""
     block = blocks.balanced()
     local = replace(block, frame=LocalFrame())
-    fits = [mounting.single_step(b, free=("f", "xp", "yp")) for b in (block, local)]
+    fits = [mounting.single_step(b, Model(free=("f", "xp", "yp"))) for b in (block, local)]
     values = [fit.calibration.cameras[0].interior.to_array() for fit in fits]
     np.testing.assert_allclose(*values, rtol=0, atol=1e-9)
-    table = rows.bundle_tables("mounting", "single_step", fits[1].bundle, fits[1].calibration)
+    table = tables.of_bundle("mounting/single_step", fits[1].bundle, fits[1].calibration, {}).tables
     place = table["exterior_orientation"][["east_m", "north_m", "height_m"]].to_numpy()
     assert_array_equal(place, fits[1].bundle.T_m_c.r)

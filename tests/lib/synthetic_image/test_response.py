@@ -4,10 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
-from scipy import ndimage
+from numpy.testing import assert_allclose
 
-from acx4lib.synthetic_image.compiled import patch_means
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads, synthetic_from_head
 from acx4lib.synthetic_image.response import (
     Response,
@@ -15,9 +13,7 @@ from acx4lib.synthetic_image.response import (
     corner_share,
     estimate_response,
     fit_response,
-    log_response,
     overlap_samples,
-    poor_overlaps,
 )
 from support.pictures import taken
 
@@ -37,6 +33,13 @@ def known(n_bands=3, *, seed=1, radial=True):
         out[..., 1] = rng.uniform(-0.2, -0.15, (4, n_bands))
         out[..., 2] = rng.uniform(-0.08, -0.03, (4, n_bands))
     return Response(coefficients=out)
+
+
+def log_response(response, k, colrow, camera):
+    """Gain and two radial terms, by the definition of a response."""
+    q = corner_share(camera, colrow)[:, None]
+    g, a, b = response.coefficients[k].T
+    return g + a * q + b * q**2
 
 
 def ground(xy, n_bands):
@@ -92,15 +95,6 @@ def test_the_corner_is_the_outer_edge_of_the_outer_pixel():
     assert_allclose(corner_share(camera, corners), expected, atol=1e-12)
 
 
-def test_log_response_is_gain_and_two_radial_terms():
-    coefficients = np.zeros((2, 2, 3))
-    coefficients[1] = [[0.1, -0.2, -0.05], [0.0, 0.3, 0.0]]
-    camera = ORIENTATION.heads[1]
-    at = np.array([[4491.5, 3365.5], [-0.5, -0.5]])
-    found = log_response(Response(coefficients=coefficients), 1, at, camera)
-    assert_allclose(found, [[0.1, 0.0], [-0.15, 0.3]], atol=1e-12)
-
-
 # --- recovery --------------------------------------------------------------------------------
 
 
@@ -117,9 +111,8 @@ def test_overlaps_disagree_by_ten_per_cent_before_and_by_their_noise_after(fit):
     for o in fit.overlaps:
         assert np.all(o.before > 0.03)
         assert np.all(o.after < 0.006)  # goal of the task
-        assert np.all(o.after < 1.15 * o.floor)
         # noise of two heads' means over nine pixels that are interpolated: below 0.5 DN^-1/2
-        assert np.all(o.floor < 0.5 * np.sqrt(2 / 9 / 6000.0))
+        assert np.all(o.after < 1.15 * 0.5 * np.sqrt(2 / 9 / 6000.0))
         assert np.all(o.n_used > 300)
         assert not np.any(o.n_saturated + o.n_dark)
 
@@ -154,7 +147,7 @@ def test_any_number_of_bands_and_eight_bits(n_bands):
     images = pictures(
         true, rng=np.random.default_rng(4), dtype=np.uint8, noise=0.1, scale=100 / 12000
     )
-    found = estimate([image[:, :, 0] for image in images] if n_bands == 1 else images)
+    found = estimate(images)
     assert found.response.coefficients.shape == (4, n_bands, 3)
     assert curve_error(found.response, true) < 0.006  # rounding to a grey value is 0.3 %
 
@@ -190,39 +183,6 @@ def test_a_compressed_sky_that_is_partly_saturated_does_no_harm(quality):
     assert curve_error(found.response, known()) < 0.01
 
 
-def test_beyond_the_samples_a_response_goes_on_as_it_was_for_all_bands():
-    """Samples of the inner half, one band of them bent by haze: the corner keeps its colour."""
-    rng = np.random.default_rng(14)
-    n = 4000
-    q = rng.uniform(0.2, 0.5, (2, n))
-    bent = 0.02 * np.sin(25 * q[0]) * [[0.0], [0.0], [1.0]]
-    nothing = np.zeros((n, 3), dtype=bool)
-    samples = Samples(
-        head_a=0,
-        head_b=1,
-        xy=rng.uniform(-1, 1, (n, 2)),
-        q_a=q[0],
-        q_b=q[1],
-        log_ratio=-0.2 * (q[0] - q[1])[:, None] + bent.T + rng.normal(0, 0.003, (n, 3)),
-        saturated=nothing,
-        dark=nothing,
-    )
-    response = fit_response([samples], n_heads=2, n_bands=3).response
-    assert_allclose(response.valid_range, [[0.1, 0.6], [0.1, 0.6]], atol=0.01)
-    camera = ORIENTATION.heads[0]
-    corner, middle = np.array([[-0.5, -0.5]]), np.array([[4491.5, 3365.5]])
-    inner = middle + np.sqrt(0.6) * (corner - middle)
-    at_limit, at_corner = (log_response(response, 0, at, camera) for at in (inner, corner))
-    assert_allclose(at_corner, at_limit, atol=0.002)
-    assert np.ptp(at_corner) < 0.08
-    free = Response(coefficients=response.coefficients)
-    assert np.ptp(log_response(free, 0, corner, camera)) > 2 * np.ptp(at_corner)
-
-
-def test_where_overlaps_reach_the_corners_nothing_is_limited(fit):
-    assert not np.isfinite(fit.response.valid_range[:, 1]).any()
-
-
 def test_dark_samples_are_left_out_and_counted(images):
     dark = [image.copy() for image in images]
     dark[0][:, : dark[0].shape[1] // 2] = 3
@@ -247,9 +207,6 @@ def test_without_overlaps_the_response_is_one():
     found = fit_response([], n_heads=3, n_bands=2)
     assert_allclose(found.response.coefficients, 0.0, atol=0)
     assert found.overlaps == ()
-    assert poor_overlaps(found, ("A", "B", "C")) == [
-        "A, B, C: no overlap tells the response; it is held near one"
-    ]
 
 
 def test_a_head_of_water_is_held_near_one_and_the_others_are_found(images):
@@ -264,9 +221,7 @@ def test_a_head_of_water_is_held_near_one_and_the_others_are_found(images):
     error[..., 0] -= error[..., 0].mean(axis=0)  # the level is that of other heads
     assert np.abs(error.sum(axis=2)).max() < 0.004
     assert np.all(np.isnan(next(o for o in found.overlaps if o.head_b == 3).after))
-    said = poor_overlaps(found, ("A", "B", "C", "D"))
-    assert said[-1] == "D: no overlap tells the response; it is held near one"
-    assert any("the overlap of A and D has only 0 usable samples" in one for one in said)
+    assert all(np.all(o.n_used == 0) for o in found.overlaps if o.head_b == 3)
 
 
 def test_samples_of_several_exposures_are_joined(images):
@@ -294,7 +249,6 @@ def test_samples_may_come_from_any_geometry():
     samples = Samples(
         head_a=0,
         head_b=1,
-        xy=rng.uniform(-1, 1, (4000, 2)),
         q_a=q[0],
         q_b=q[1],
         log_ratio=ratio[:, None],
@@ -309,27 +263,3 @@ def test_samples_may_come_from_any_geometry():
 def test_heads_that_do_not_overlap_have_no_samples(images):
     apart = replace(HEADS, xyz_mm=HEADS.xyz_mm + np.outer(np.arange(4), [500.0, 0.0, 0.0]))
     assert overlap_samples(images, apart, REDUCED, rng=np.random.default_rng(1)) == []
-
-
-# --- Means of patches, against scipy's interpolation
-
-
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_patches_have_the_mean_of_bilinear_samples_and_the_largest_of_their_pixels(dtype):
-    rng = np.random.default_rng(5)
-    image = rng.integers(0, np.iinfo(dtype).max, size=(60, 80, 3), dtype=dtype, endpoint=True)
-    at = rng.uniform(2, 57, (40, 9, 2))
-    mean, peak = np.zeros((40, 3)), np.zeros((40, 3), dtype)
-    often = np.zeros((3, np.iinfo(dtype).max + 1), np.int64)
-    patch_means(image, at, mean, peak, often)
-    for band in range(3):
-        places = np.moveaxis(at[..., ::-1], -1, 0)
-        told = ndimage.map_coordinates(image[..., band].astype(float), places, order=1)
-        # weights have single precision
-        assert_allclose(mean[:, band], told.mean(axis=1), rtol=1e-5)
-    col, row = np.moveaxis(np.floor(at).astype(int), -1, 0)
-    corners = [image[row + i, col + j] for i in (0, 1) for j in (0, 1)]
-    assert_array_equal(peak, np.max(corners, axis=(0, 2)))
-    for band in range(3):
-        one_of_four = image[row + 1, col + 1, band].ravel()
-        assert_array_equal(often[band], np.bincount(one_of_four, minlength=often.shape[1]))

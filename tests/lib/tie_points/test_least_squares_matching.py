@@ -10,6 +10,7 @@ from acx4lib.tie_points.compiled import match_points
 from acx4lib.tie_points.least_squares_matching import (
     correlate,
     match,
+    position_derivatives,
     spline_coefficients,
 )
 from support.pictures import taken
@@ -262,9 +263,12 @@ def test_a_place_moves_with_the_grey_values_as_its_derivatives_say(texture, half
     more *= 50 / more.std()
     at = grid()
     ways = [spline_coefficients((b + s * more).astype(np.float32)) for s in (0, 1, -1)]
-    (_, _, _, moves), (ahead, *_), (behind, *_) = (
+    (_, gain, residuals), (ahead, *_), (behind, *_) = (
         match_points(a, way, at, at.astype(float), half) for way in ways
     )
+    known = np.isfinite(gain)
+    moves = np.full((len(at), 2, residuals.shape[1]), np.nan)
+    moves[known] = position_derivatives(a, at[known], half, residuals[known], gain[known])
     side = np.arange(-half, half + 1)
     windows = more[at[:, 1, None, None] + side[:, None], at[:, 0, None, None] + side]
     told = np.einsum("nip,np->ni", moves, windows.reshape(len(at), -1))

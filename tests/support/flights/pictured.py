@@ -10,8 +10,8 @@ import pandas as pd
 import tifffile
 
 from acx4files import flight as flown
-from acx4files.results import adjustments, provenance
 from acx4files.results import folder as results
+from acx4files.results import provenance, tables
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.frames import Pose
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads, synthetic_from_head
@@ -104,7 +104,7 @@ def head_path(folder: Path, exposure: str, head: str) -> Path:
 
 def write_results(folder: Path, flight: Path) -> Path:
     """Write results of the heads stage, as exact as the flight is."""
-    found = [adjustments.of_relative_orientation("heads", "relative_orientation", orientation())]
+    found = [tables.of_relative_orientation("heads/relative_orientation", orientation())]
     provenance.begin(folder, flown.read(flight), [])
     put(folder, "heads", found)
     bundles = {f"heads/bundle/{name}": {"converged": True} for name in HEADS}

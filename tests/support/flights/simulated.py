@@ -21,6 +21,7 @@ from acx4files.flight.reader import PLACE
 from acx4lib.calibration import estimates, mounting
 from acx4lib.calibration import heads as calibration_heads
 from acx4lib.georeferencing import validation
+from acx4lib.model import Model
 from acx4lib.tie_points import ties as tie_points
 from acx4sim.files import truth_path
 
@@ -148,7 +149,7 @@ def of_orientation(found):
 def calibrations(design, *, seed):
     """Calibrate the mounting by all methods."""
     flown = fly(design, seed=seed).flight
-    found = mounting.calibrate(flown.calibration, free=flown.estimate_mounting)
+    found = mounting.calibrate(flown.calibration, Model(free=flown.estimate_mounting))
     assert not found.failures
     return {name: method.calibration for name, method in found.methods.items()}
 
@@ -158,7 +159,7 @@ def exact_calibration(design, method, *, seed):
     """Calibrate on exact data, by one method."""
     flown = fly(design, seed=seed, exact=True).flight
     calibrate = getattr(mounting, method)
-    return calibrate(flown.calibration, free=flown.estimate_mounting).calibration
+    return calibrate(flown.calibration, Model(free=flown.estimate_mounting)).calibration
 
 
 def mounting_estimates(design, method, *, seed):
@@ -170,7 +171,7 @@ def two_step_estimates(design, *, seed):
     """Return the two-step estimates; there are no gross errors, and none are looked for."""
     flown = fly(design, seed=seed, blocks=("calibration",)).flight
     return of_calibration(
-        mounting.two_step(flown.calibration, free=flown.estimate_mounting).calibration
+        mounting.two_step(flown.calibration, Model(free=flown.estimate_mounting)).calibration
     )
 
 
@@ -193,7 +194,7 @@ def mounting_errors(design, method, *, seed):
 def head_estimates(*, seed, exact=False):
     """Return the estimates of the heads one by one, of their orientation, and of its refinement."""
     flown = fly("acx4", seed=seed, blocks=("heads",), exact=exact).flight
-    heads = calibration_heads.calibrate_heads(flown.heads, HEADS, free=flown.estimate_heads)
+    heads = calibration_heads.calibrate_heads(flown.heads, HEADS, Model(free=flown.estimate_heads))
     assert not heads.failures
     oriented = calibration_heads.relative_orientation(heads, flown.cameras[flown.synthetic.camera])
     ties = tie_points.shared_points(flown.heads, oriented)

@@ -5,7 +5,7 @@ What the renderer and its benchmark are measured against; it shares no code with
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -36,7 +36,6 @@ def blended(
     *,
     feather_px: float,
     coefficients: Array | None = None,
-    cubic: bool = False,
 ) -> Array:
     """Return the unrounded image at positions of the heads, 0 where none sees."""
     depth = np.stack([_depth(im, at) for im, at in zip(images, positions, strict=True)])
@@ -49,10 +48,9 @@ def blended(
     total = weights.sum(axis=0)
     weights = np.divide(weights, total, out=np.zeros(weights.shape), where=total > 0)
     out = np.zeros((*deepest.shape, images[0].shape[2]))
-    sample = sampled_cubic if cubic else sampled
     for k, (image, at) in enumerate(zip(images, positions, strict=True)):
         used = weights[k] > 0
-        values = sample(image, at[used])
+        values = sampled(image, at[used])
         if coefficients is not None:
             values = _equalised(image, at[used], values, coefficients[k])
         out[used] += weights[k][used][:, None] * values
@@ -78,29 +76,14 @@ def _equalised(image: Array, at: Array, values: Array, coefficients: Array) -> A
 
 def sampled(image: Array, at: Array) -> Array:
     """Return bilinear samples at positions (n, 2); the outermost pixels go on for ever."""
-    return _sampled(image, at, {0: lambda s: 1 - s, 1: lambda s: s})
-
-
-def sampled_cubic(image: Array, at: Array) -> Array:
-    """Return Catmull-Rom samples at positions (n, 2)."""
-    weights = {
-        -1: lambda s: (-s + 2 * s**2 - s**3) / 2,
-        0: lambda s: (2 - 5 * s**2 + 3 * s**3) / 2,
-        1: lambda s: (s + 4 * s**2 - 3 * s**3) / 2,
-        2: lambda s: (-(s**2) + s**3) / 2,
-    }
-    return _sampled(image, at, weights)
-
-
-def _sampled(image: Array, at: Array, weights: dict[int, Callable[[Array], Array]]) -> Array:
     height, width = image.shape[:2]
     at = np.clip(at, 0, [width - 1, height - 1])
     whole = np.floor(at).astype(int)
-    s, t = (at - whole).T
+    s, t = (at - whole).T[..., None]
     out = np.zeros((len(at), image.shape[2]))
-    for i, down in weights.items():
-        for j, right in weights.items():
-            row = np.clip(whole[:, 1] + i, 0, height - 1)
-            col = np.clip(whole[:, 0] + j, 0, width - 1)
-            out += (down(t) * right(s))[:, None] * image[row, col]
+    for i, down in ((0, 1 - t), (1, t)):
+        for j, right in ((0, 1 - s), (1, s)):
+            row = np.minimum(whole[:, 1] + i, height - 1)
+            col = np.minimum(whole[:, 0] + j, width - 1)
+            out += down * right * image[row, col]
     return out

@@ -30,6 +30,7 @@ from acx4lib.geometry.camera import (
 )
 from acx4lib.geometry.frames import Pose, exp, opk_from_rotation, rotation_from_opk
 from acx4lib.geometry.geodesy import MappingFrame
+from acx4lib.model import Model
 from acx4lib.synthetic_image.frame import (
     reduced_camera,
     reduced_heads,
@@ -186,7 +187,7 @@ def self_calibrate(block: Block, *, free: Sequence[str]) -> Bundle:
         Where fewer than three points off one line are measured, or nothing converges.
     """
     require_control(block)
-    return adjust(free_orientation(block, free=free))
+    return adjust(free_orientation(block, Model(free=free)))
 
 
 def residuals_px(fit: Bundle) -> Array:
@@ -239,10 +240,6 @@ def _printed_sigma(head: str) -> Array:
 #
 # The ideal camera stands in the middle of the heads and takes the synthetic image's format at
 # once, without distortion, response or noise. What differs is the synthetic image's own.
-
-
-NODES_PX = 16
-"""Full-size pixels between the exact nodes of the map, so that a reduced image shows no other."""
 
 
 @shown.briefly
@@ -403,7 +400,6 @@ def deviations(
         small,
         response=response,
         feather_px=FEATHER_PX / known.reduce,
-        step_px=max(NODES_PX // known.reduce, 4),
     )
     points = measure(render(plan, known.images), known.ideal, search_px=search_px)
     points = points[consistent(points)]

@@ -19,8 +19,8 @@ from acx4book.typesetting.myst import (
 )
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4book.typesetting.tables import SYMBOLS
-from acx4files.results.rows import unit_of
-from acx4files.results.table_files import COMPONENTS
+from acx4files.results.folder import COMPONENTS
+from acx4files.results.tables import unit_of
 from acx4lib.attempts import Failed
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.reliability import WEAK

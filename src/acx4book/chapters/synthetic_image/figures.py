@@ -322,18 +322,15 @@ def _draw_band(ax: Axes, fit: ResponseFit, band: int) -> None:
 
 
 def _draw_overlaps(ax: Axes, overlaps: Sequence[OverlapResponse], names: Sequence[str]) -> None:
-    """Draw the disagreement of every pair of heads and band: before, after, and its lower bound."""
+    """Draw the disagreement of every pair of heads and band, before and after."""
     n_bands = len(overlaps[0].before)
     offset = 0.17 * (np.arange(n_bands) - (n_bands - 1) / 2)
     for line, overlap in enumerate(overlaps):
         y = line + offset
-        before, after, floor = (
-            100 * np.expm1(v) for v in (overlap.before, overlap.after, overlap.floor)
-        )
+        before, after = (100 * np.expm1(v) for v in (overlap.before, overlap.after))
         ax.hlines(y, after, before, color=style.SOFT, lw=0.8, alpha=0.7)
         ax.plot(before, y, "o", ms=4.5, mfc=style.PAPER, mec=style.INK, mew=1.0)
         ax.plot(after, y, "o", ms=4.5, color=style.INK)
-        ax.plot(floor, y, "|", ms=6, color=style.colour(5), mew=1.3)
     labels = [f"{names[o.head_a]}, {names[o.head_b]}" for o in overlaps]
     ax.set(xscale="log", yticks=range(len(overlaps)), yticklabels=labels)
     ax.set(ylim=(len(overlaps) - 0.5, -0.5), xlabel="disagreement, robust rms (%)")
@@ -349,7 +346,7 @@ def _draw_overlaps(ax: Axes, overlaps: Sequence[OverlapResponse], names: Sequenc
 
 def _percent_axis(ax: Axes, overlaps: Sequence[OverlapResponse]) -> None:
     """Set limits and round numbers of a logarithmic axis in per cent."""
-    values = np.concatenate([np.concatenate([o.before, o.after, o.floor]) for o in overlaps])
+    values = np.concatenate([np.concatenate([o.before, o.after]) for o in overlaps])
     percent = 100 * np.expm1(values[values > 0]) if (values > 0).any() else np.array([1.0])
     low, high = float(percent.min()) / 1.4, float(percent.max()) * 1.4
     rounds = np.array([m * 10.0**e for e in range(-4, 3) for m in (1, 2, 5)])
@@ -367,7 +364,6 @@ def _handles(names: Sequence[str]) -> list[Any]:
         *heads,
         Line2D([], [], mfc=style.PAPER, label="as taken", **dot),
         Line2D([], [], mfc=style.INK, label="equalised", **dot),
-        Line2D([], [], color="none", marker="|", mec=style.colour(5), mew=1.3, ms=7, label="noise"),
     ]
 
 

@@ -320,14 +320,14 @@ def _stacked(
 ) -> Array:
     """Return a part of the synthetic image with a band for every head."""
     bands = [
-        _greyed(resample(image, heads, k, synthetic, window)[0]) for k, image in enumerate(images)
+        _greyed(resample(image, heads, k, synthetic, window)) for k, image in enumerate(images)
     ]
     return np.concatenate(bands, axis=-1)
 
 
-def _greyed(image: Array) -> Array:
+def _greyed(image: Raster) -> Array:
     """Return the mean of the bands, shape (rows, cols, 1)."""
-    return image[..., :3].mean(axis=-1, keepdims=True)
+    return np.asarray(image[..., :3].mean(axis=-1, keepdims=True))
 
 
 def _coloured(bands: Array, stretches: Sequence[Stretch]) -> Array:
@@ -544,24 +544,12 @@ def _draw_overlap(
     first, last, left, right = (n // k for n in shared.window)
     window = (first, max(last, first + 2), left, max(right, left + 2))
     head = shared.head_a
-    image, seen = resample(
-        _whole(smaller(exposure.images[head], k), exposure.images[head]),
-        heads,
-        head,
-        synthetic,
-        window,
-    )
-    grey = _greyed(image)
+    small = np.rint(smaller(exposure.images[head], k)).astype(exposure.images[head].dtype)
+    grey = _greyed(resample(small, heads, head, synthetic, window))
     stretch = common_stretch([grey])
     light = 0.42 + 0.5 * displayed(grey, stretch)
-    _in_mm(ax, np.dstack([light, seen]), synthetic, window)  # nothing, by day and by night
+    _in_mm(ax, np.dstack([light, grey > 0]), synthetic, window)  # nothing, by day and by night
     frameless(ax)
-
-
-def _whole(means: Array, like: Raster) -> Raster:
-    """Return means, rounded to the type of their image."""
-    out: Raster = np.rint(means).astype(like.dtype)
-    return out
 
 
 def _mark_size(shared: SharedWindow, n: int) -> float:

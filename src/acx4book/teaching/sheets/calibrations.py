@@ -40,6 +40,7 @@ from acx4lib.expected import Array
 from acx4lib.geometry.camera import Interior, distortion
 from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_opk, turn
 from acx4lib.georeferencing.validation import Validation, validate
+from acx4lib.model import Model
 from acx4sim.files import SimulatedFlight
 from acx4sim.plan import GrossErrors, Options
 
@@ -109,7 +110,7 @@ def _given_estimates(case: Case) -> Sequence[str]:
 
 
 def _validation(case: Case) -> Validation:
-    single = calibrate(case.flight).mountings["single_step"].calibration
+    single = calibrate(case.flight)["single_step"].calibration
     return validate(case.flight.block("validation"), single, method="single_step")
 
 
@@ -251,7 +252,7 @@ def _covariance(calibration: Calibration) -> Array:
 
 
 def _calibration(case: Case) -> Calibration:
-    return calibrate(case.flight).mountings["single_step"].calibration
+    return calibrate(case.flight)["single_step"].calibration
 
 
 def _solve_lens(case: Case) -> Rights:
@@ -393,7 +394,7 @@ def _planted(case: Case, kind: str) -> dict[str, Any]:
 
 def _solve_gross_errors(case: Case) -> Rights:
     """Look for gross errors as the command does."""
-    bundle = calibrate(case.flight).mountings["single_step"].bundle
+    bundle = calibrate(case.flight)["single_step"].bundle
     count = sum(rejection.kind == "image_point" for rejection in bundle.rejected)
     planted = sum(
         gross_error["kind"] == "image_point" for gross_error in case.truth["gross_errors"]
@@ -423,12 +424,12 @@ def _mistakes_gross_errors(case: Case, right: Rights) -> Iterator[Mistake]:
     yield wrong_sign(right, [ERROR], "the sign is wrong: surveyed less true")
     yield scaled(right, [ERROR], 100.0, "given in cm; asked for in m")
     yield swapped(right, GNSS, ATTITUDE, "the exposures are swapped: position and attitude")
-    spoiled = adjust(mounted_orientation(case.block, free=case.flight.estimate_mounting))
+    spoiled = adjust(mounted_orientation(case.block, Model(free=case.flight.estimate_mounting)))
     yield Mistake(
         says="the gross errors are still among the observations",
         gives={"sigma0_squared": spoiled.solution.sigma0_sq},
     )
-    bundle = calibrate(case.flight).mountings["single_step"].bundle
+    bundle = calibrate(case.flight)["single_step"].bundle
     yield Mistake(
         says="all rejections are counted; asked for those of image points",
         gives={"rejected_points": float(len(bundle.rejected))},
@@ -505,7 +506,7 @@ def _given_mounting(case: Case) -> Sequence[str]:
 
 def _solve_mounting(case: Case) -> Rights:
     """Calibrate by both methods."""
-    methods = calibrate(case.flight).mountings
+    methods = calibrate(case.flight)
     single, two = _by_method(case, methods)
     of_image = named(OF_IMAGE, _reported(_of_image(methods)))
     digits = {question.name: question.digits for question in QUESTIONS_MOUNTING}
@@ -561,7 +562,7 @@ def _mistakes_mounting(case: Case, right: Rights) -> Iterator[Mistake]:
 
 def _other_methods(case: Case) -> Iterator[Mistake]:
     """Yield the mistakes of answers from the other method."""
-    single, two = _by_method(case, calibrate(case.flight).mountings)
+    single, two = _by_method(case, calibrate(case.flight))
     for says, rights, names in (
         ("this is of the two-step method; asked for the single step", two, (*BORESIGHT, *LEVER)),
         ("this is of the single step; asked for the two-step method", single, (TWO_STEP,)),

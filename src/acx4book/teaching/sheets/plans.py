@@ -23,6 +23,7 @@ from acx4files.results import tables
 from acx4lib.block import select_images
 from acx4lib.calibration.mounting import single_step
 from acx4lib.expected import Array
+from acx4lib.model import Model
 from acx4sim.files import SimulatedFlight
 from acx4sim.plan import Options
 
@@ -80,7 +81,7 @@ def _covariance(case: Case, strips: Sequence[str]) -> Array:
     """Return the covariance of `ASKED` from given strips alone, shape (3, 3)."""
     is_flown = np.isin(case.block.images.strips, strips)
     block = select_images(case.block, is_flown)
-    calibration = single_step(block, free=case.flight.estimate_mounting).calibration
+    calibration = single_step(block, Model(free=case.flight.estimate_mounting)).calibration
     names = [f"CAM/{name}" for name in ASKED_DESIGN]
     return tables.covariance(calibration).loc[names, names].to_numpy()
 
@@ -277,7 +278,7 @@ def _solve_planning(case: Case) -> Rights:
     strips = plan.blocks[BLOCK].strips
     cheap = plan.with_strips({name: strips[name] for name in strips if name in flown})
     sigma = {p.name: p.sigma for p in unknowns(designs.of(cheap).mountings["single_step"].bundle)}
-    calibration = single_step(case.block, free=case.flight.estimate_mounting).calibration
+    calibration = single_step(case.block, Model(free=case.flight.estimate_mounting)).calibration
     estimates = parameters(calibration, case.true_camera)
     return {
         "strips": Right(value=len(flown), truth=len(flown), bound=0.5),

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from acx4files.exchange import lens
-from acx4files.exchange.lens import Left, Pinhole
-from acx4files.exchange.outward.content import Calibrated
-from acx4lib.expected import Array, Index
-from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
+from acx4files.exchange.lens import FLIP, Left, Pinhole
+from acx4lib.expected import Array
+from acx4lib.geometry.camera import Camera, correct, reduced, xy_from_colrow
 
 CORNER = 0.5
 """Offset of pixels in programs where (0, 0) is the outer corner of the top-left pixel."""
 
-
-STEPS_BACK, NEAR_PX, SAME_PX = 20, 1e-5, 1e-3
-"""Largest number of iterations to the lens whose refit is a camera; changes at which they end, and
-largest distance of the refit from the camera."""
-
-STEPS = (1e-4, 1e-4, 1e-4, 1e-9, 1e-12, 1e-15, 1e-9, 1e-9, 1e-6, 1e-6)
-"""Smallest steps of interior parameters for differences, in their units."""
+Holes = Literal["skewed", "plain", "square"]
+"""Pinholes that a program can have: two focal lengths with or without skew, or one."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Brown:
     """A lens that takes ideal points to pixels, y down.
 
@@ -33,160 +29,64 @@ class Brown:
     ----------
     hole : Pinhole
         Focal lengths and principal point; pixel (0, 0) is the centre of the top-left one.
-    k1, k2, k3, p1, p2 : float
-        As OpenCV has them, of points in units of the focal length.
+    coefficients : ndarray, shape (5,)
+        k1, k2, p1, p2, k3 as OpenCV has them, of points in units of the focal length.
     left : Left
         Distances of its pixels from the camera's.
     """
 
     hole: Pinhole
-    k1: float
-    k2: float
-    k3: float
-    p1: float
-    p2: float
+    coefficients: Array
     left: Left
 
 
-def brown(camera: Camera) -> Brown:
-    """Return the lens that is nearest to a camera in the whole image, with skew."""
-    coefficients, left = lens.brown_of(camera)
-    return _of(lens.pinhole_of(camera), coefficients, left)
+def nearest(camera: Camera, holes: Holes = "skewed") -> Brown:
+    """Return the lens that is nearest to a camera, over the whole image.
 
-
-def skewed(calibrated: Calibrated) -> dict[str, Brown]:
-    """Return the lenses of all cameras with two focal lengths and skew, by their names.
-
-    A camera without estimated interior parameters goes back as it came: by the lens that an import
-    refits as this camera.
+    The two polynomials are no inverses of each other, so something is left. Pinhole and
+    coefficients are fitted together where the camera's own pinhole is none that there can be.
     """
-    return _of_cameras(calibrated, brown, lambda change: change)
+    colrow, hole = lens.nodes(camera.width_px, camera.height_px), pinhole_of(camera)
+    xy = xy_from_colrow(camera, colrow)
+    f_px = camera.interior.f / camera.pixel_mm
+    ideal = FLIP * correct(camera.interior, xy) / camera.interior.f
+    off = FLIP * reduced(camera.interior, xy) / camera.interior.f - ideal
+    coefficients, left = lens.brown(ideal, off, f_px)
+    if holes == "skewed" or not (hole.skew or (holes == "square" and hole.fx != hole.fy)):
+        return Brown(hole=hole, coefficients=coefficients, left=left)
+
+    def apart(values: Array) -> Array:
+        by_role = dict(zip(lens.BROWN, values[-5:].tolist(), strict=True))
+        seen = _without_skew(values).colrow(ideal + lens.effects(ideal, by_role))
+        return (seen - colrow).T.ravel()
+
+    focal = [hole.fx, hole.fy] if holes == "plain" else [0.5 * (hole.fx + hole.fy)]
+    start = [*focal, hole.cx, hole.cy, *coefficients]
+    fit = least_squares(apart, start, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    return Brown(hole=_without_skew(fit.x), coefficients=fit.x[-5:], left=Left.of(fit.fun))
 
 
-def of_all(calibrated: Calibrated) -> dict[str, Brown]:
-    """Return the lenses of all cameras with two focal lengths, as `skewed`."""
-    return _of_cameras(
-        calibrated,
-        lambda camera: _of(*lens.without_skew(camera)),
-        lambda change: np.concatenate([change[:4], [0.0], change[5:]]),
-    )
+def pinhole_of(camera: Camera) -> Pinhole:
+    """Return focal lengths and principal point of a camera, px."""
+    interior = camera.interior
+    f_px, scale = interior.f / camera.pixel_mm, 1 + interior.b1
+    offset = np.array([(interior.xp - interior.b2 * interior.yp) / scale, interior.yp])
+    middle = 0.5 * np.array([camera.width_px - 1, camera.height_px - 1])
+    cx, cy = (middle + FLIP * offset / camera.pixel_mm).tolist()
+    return Pinhole(fx=f_px / scale, fy=f_px, cx=cx, cy=cy, skew=interior.b2 * f_px / scale)
 
 
-def square(calibrated: Calibrated) -> dict[str, Brown]:
-    """Return the lenses of all cameras with one focal length, as `skewed`."""
-    return _of_cameras(
-        calibrated,
-        _one_focal_length,
-        lambda change: np.concatenate([2 * [change[:2].mean()], change[2:4], [0.0], change[5:]]),
-    )
+def _without_skew(values: Array) -> Pinhole:
+    """Return the pinhole of one focal length or two, a principal point, and five coefficients."""
+    *focal, cx, cy = values[:-5].tolist()
+    return Pinhole(fx=focal[0], fy=focal[-1], cx=cx, cy=cy)
 
 
-def _of_cameras(
-    calibrated: Calibrated, nearest: Callable[[Camera], Brown], kept: Callable[[Array], Array]
-) -> dict[str, Brown]:
-    interior, by_camera = calibrated.calibration.layout.interior, {}
-    for camera, columns in zip(calibrated.cameras, interior, strict=True):
-        model = nearest(camera)
-        back = None if (columns >= 0).any() else _as_it_came(camera, model, kept)
-        by_camera[camera.name] = back or model
-    return by_camera
+def all_nearest(cameras: Sequence[Camera], holes: Holes) -> dict[str, Brown]:
+    """Return the nearest lenses of cameras by their names."""
+    return {camera.name: nearest(camera, holes) for camera in cameras}
 
 
-def _as_it_came(camera: Camera, start: Brown, kept: Callable[[Array], Array]) -> Brown | None:
-    """Return the lens whose refit is a camera; None where there is none with such pixels."""
-    wanted, values = _values_of(brown(camera)), _values_of(start)
-    for _ in range(STEPS_BACK):
-        try:
-            refit, left = _refit(values, camera)
-        except ValueError:
-            return None
-        apart = kept(wanted - _values_of(brown(refit)))
-        values = values + apart
-        if np.abs(apart[:5]).max() < NEAR_PX and np.abs(apart[5:]).max() * values[1] < NEAR_PX:
-            break
-    xy = xy_from_colrow(camera, lens.nodes(camera.width_px, camera.height_px))
-    rays = [correct(either.interior, xy) / either.interior.f for either in (refit, camera)]
-    if not np.abs(rays[0] - rays[1]).max() * values[1] < SAME_PX:
-        return None
-    returned = Left(largest_px=left.largest_px, rms_px=left.rms_px, returned=True)
-    return _of(_pinhole(values), values[5:], returned)
-
-
-def _refit(values: Array, camera: Camera) -> tuple[Camera, Left]:
-    """Return the camera that an import would make of a lens."""
-    hole, by_role = _pinhole(values), dict(zip(lens.BROWN, values[5:].tolist(), strict=True))
-
-    def ideal(colrow: Array) -> Array:
-        measured = hole.points(colrow)
-        return lens.inverse(
-            lambda points: points + lens.effects(points, by_role), measured, measured
-        )
-
-    size = {"width_px": camera.width_px, "height_px": camera.height_px}
-    return lens.camera_of(ideal, hole, name=camera.name, pixel_mm=camera.pixel_mm, **size)
-
-
-def _values_of(model: Brown) -> Array:
-    """Return fx, fy, cx, cy, skew, then OpenCV's k1, k2, p1, p2, k3."""
-    hole = (model.hole.fx, model.hole.fy, model.hole.cx, model.hole.cy, model.hole.skew)
-    return np.array([*hole, model.k1, model.k2, model.p1, model.p2, model.k3], dtype=float)
-
-
-def _pinhole(values: Array) -> Pinhole:
-    fx, fy, cx, cy, skew = values[:5].tolist()
-    return Pinhole(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
-
-
-def _one_focal_length(camera: Camera) -> Brown:
-    """Return the nearest lens with square pixels: where b1 or b2 is not zero, all is refitted."""
-    hole = lens.pinhole_of(camera)
-    if hole.fx == hole.fy and not hole.skew:
-        return brown(camera)
-
-    def pixels(values: Array, ideal: Array) -> Array:
-        f, cx, cy, *coefficients = values
-        by_role = dict(zip(lens.BROWN, coefficients, strict=True))
-        return np.asarray(f * (ideal + lens.effects(ideal, by_role)) + [cx, cy])
-
-    coefficients, _ = lens.brown_of(camera)
-    start = np.array([0.5 * (hole.fx + hole.fy), hole.cx, hole.cy, *coefficients])
-    values, left = lens.model_of(camera, pixels, start)
-    f, cx, cy = values[:3].tolist()
-    return _of(Pinhole(fx=f, fy=f, cx=cx, cy=cy), values[3:], left)
-
-
-def lenses(found: Mapping[str, Brown]) -> dict[str, Left]:
+def left_of(lenses: Mapping[str, Brown]) -> dict[str, Left]:
     """Return how far the lenses are from the cameras, by the names of these."""
-    return {name: model.left for name, model in found.items()}
-
-
-def _of(hole: Pinhole, coefficients: Array, left: Left) -> Brown:
-    k1, k2, p1, p2, k3 = coefficients.tolist()
-    return Brown(hole=hole, k1=k1, k2=k2, k3=k3, p1=p1, p2=p2, left=left)
-
-
-def derivatives(camera: Camera, columns: Index, n_columns: int) -> Array:
-    """Return d(fx, fy, cx, cy, skew, k1, k2, p1, p2, k3) / d(columns of a calibration).
-
-    By differences.
-
-    Parameters
-    ----------
-    camera : Camera
-    columns : ndarray, shape (10,)
-        Of its interior parameters; -1 for those that are held.
-    n_columns : int
-
-    Returns
-    -------
-    ndarray, shape (10, n_columns)
-    """
-    J, values = np.zeros((10, n_columns)), camera.interior.to_array()
-    for j in np.flatnonzero(columns >= 0):
-        step = np.eye(len(values))[j] * max(1e-6 * abs(values[j]), STEPS[j])
-        ends = [
-            _values_of(brown(camera.with_interior(Interior.from_array(values + sign * step))))
-            for sign in (1, -1)
-        ]
-        J[:, columns[j]] = (ends[0] - ends[1]) / (2 * step[j])
-    return J
+    return {name: lens.left for name, lens in lenses.items()}

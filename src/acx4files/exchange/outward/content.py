@@ -10,34 +10,29 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pandas as pd
 
-from acx4files.exchange.lens import WORST_PX, Left, above
+from acx4files.exchange.lens import Left, above
 from acx4files.flight.block_from_tables import BLOCKS, read_block, without_points
 from acx4files.flight.reader import Flight, checked
 from acx4files.flight.toml_file import read_toml
-from acx4files.results import folder, own_folder
-from acx4files.results.provenance import check_kept, read_run
-from acx4files.results.read_back import read_calibration, read_relative_orientation
-from acx4files.results.rows import exterior_table
+from acx4files.results import folder, whole_files
+from acx4files.results.provenance import read_run
+from acx4files.results.read_back import read_calibration
+from acx4files.results.tables import exterior_table
 from acx4files.results.whole_files import write_all
 from acx4lib import expected
 from acx4lib.block import Block, select_cameras, unobserved
-from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration.estimates import Calibration
-from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import FlightError, OutputError
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera
-from acx4lib.geometry.frames import Pose, opk_jacobian, rotation_from_opk, skew
+from acx4lib.geometry.frames import Pose, opk_jacobian, skew
 from acx4lib.geometry.geodesy import R_ENU_NED, MappingFrame, rotation_enu_to_ecef
 from acx4lib.georeferencing.direct import Georeferenced, georeference, pose_covariances
 from acx4lib.least_squares.covariance import propagate, sigmas
 
 CAMERA = ("single_step", "two_step_gnss", "two_step")
-HEADS = ("rig", "rig_calibration", "refined", "relative_orientation")
+HEADS = ("rig", "rig_calibration")
 """Methods that calibrate one mounted camera, and those that calibrate heads; the best first."""
-
-STAGE = {"refined": "synthetic", "relative_orientation": "heads"}
-"""Stages of the methods that are not of the stage mounting."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,8 +46,7 @@ class Calibrated:
     method : str
         One of `CAMERA` or `HEADS`.
     calibration : Calibration
-        In `cov`, a posteriori. Without mounting, mountings are as flight.toml declares them, and
-        only the heads' rotations relative to each other are estimated.
+        In `cov`, a posteriori.
     others : tuple of str
         Methods that the results have besides.
     digest : str
@@ -80,11 +74,6 @@ class Calibrated:
         """Sentence on the flight of the calibration."""
         return f"calibrated on the flight {self.flight.name!r}; SHA-256 of its tables {self.digest}"
 
-    @property
-    def mounted(self) -> bool:
-        """Whether boresight and lever arm are estimated."""
-        return self.method not in STAGE
-
 
 def read(results: str | Path, *, method: str = "", heads: bool = False) -> Calibrated:
     """Read a calibration from the results of a run.
@@ -108,33 +97,24 @@ def read(results: str | Path, *, method: str = "", heads: bool = False) -> Calib
     if method:
         expected.one_of("method", method, (*CAMERA, *HEADS))
     run = read_run(results)
-    for stage in ("heads", "synthetic", "mounting"):
-        check_kept(run, stage)
     stored, flight = run.found, run.flight
-    keys = {name: f"{STAGE.get(name, 'mounting')}/{name}" for name in (*CAMERA, *HEADS)}
-    ended = [name for name, key in keys.items() if _ended(stored, key)]
+    ended = [name for name in (*CAMERA, *HEADS) if _ended(stored, f"mounting/{name}")]
     usable = [name for name in ended if not heads or name in HEADS]
     chosen = method or next(iter(usable), "")
     if chosen not in usable:
-        entry = stored.summary.get(keys[chosen], {}) if chosen else {}
+        entry = stored.summary.get(f"mounting/{chosen}", {})
         said = [*folder.messages(entry, "stopped"), *folder.messages(entry, "left_out")]
-        said.append(f"it has {', '.join(ended) or 'none'}")
-        if heads and chosen in CAMERA:
-            said.insert(0, f"it is of one camera; of heads are {', '.join(HEADS)}")
+        said.append(f"it has {', '.join(ended) or 'none'}; of heads are {', '.join(HEADS)}")
         wanted = chosen or ("heads" if heads else "any method")
         problem = f"{stored.folder}: no calibration of {wanted} that can be exported"
         raise FlightError([f"{problem}; {said[0]}"])
-    if chosen in STAGE:
-        related = read_relative_orientation(stored, keys[chosen], flight.cameras)
-        calibration = _of_relative_orientation(related, flight.synthetic_camera)
-    else:
-        cameras = [flight.cameras[name] for name in folder.cameras(stored, keys[chosen])]
-        known = read_calibration(stored, keys[chosen], cameras)
-        calibration = replace(known, cov=known.cov * known.sigma0_sq, sigma0_sq=1.0)
+    key = f"mounting/{chosen}"
+    cameras = [flight.cameras[name] for name in folder.cameras(stored, key)]
+    known = read_calibration(stored, key, cameras)
     return Calibrated(
         flight=flight,
         method=chosen,
-        calibration=calibration,
+        calibration=replace(known, cov=known.cov * known.sigma0_sq, sigma0_sq=1.0),
         others=tuple(name for name in usable if name != chosen),
         digest=run.provenance.digest,
     )
@@ -145,37 +125,6 @@ def _ended(stored: folder.Results, key: str) -> bool:
     entry = stored.summary.get(key, {})
     named = folder.has(stored, key) and folder.cameras(stored, key)
     return bool(named) and bool(entry.get("converged", True)) and not entry.get("stopped")
-
-
-def _of_relative_orientation(related: RelativeOrientation, synthetic: Camera | None) -> Calibration:
-    """Return heads with their estimated rotations relative to each other as a calibration."""
-    R_b_s = np.eye(3) if synthetic is None else synthetic.T_b_c.R
-    n = len(related.heads)
-    rotations = R_b_s @ rotation_from_opk(related.opk)
-    cameras = tuple(
-        replace(head, T_b_c=Pose(R=R, r=head.T_b_c.r))
-        for head, R in zip(related.heads, rotations, strict=True)
-    )
-    estimated = np.diag(related.cov_joint) > 0
-    estimated = np.concatenate([np.tile([False] * 3 + [True] * 3, n), estimated[6 * n :]])
-    kept = np.flatnonzero(estimated)
-    columns = np.full(15 * n, -1)
-    columns[kept] = np.arange(len(kept))
-    J = np.eye(len(related.cov_joint))  # to rotations about the heads' own axes
-    for k, opk in enumerate(related.opk):
-        angles = slice(6 * k + 3, 6 * k + 6)
-        J[angles, angles] = np.linalg.inv(opk_jacobian(opk))
-    return Calibration(
-        cameras=cameras,
-        layout=Layout(
-            interior=columns[6 * n :].reshape(n, 9),
-            mount=columns[: 6 * n].reshape(n, 6),
-            pose=np.zeros((0, 6), dtype=np.intp),
-        ),
-        cov=propagate(J, related.cov_joint)[np.ix_(kept, kept)],
-        sigma0_sq=1.0,
-        open_columns=np.zeros(len(kept), dtype=bool),
-    )
 
 
 # --- Heads of a rig relative to the first of them
@@ -309,12 +258,8 @@ def orient(calibrated: Calibrated, flight: Flight, block: str) -> Oriented:
     Raises
     ------
     FlightError
-        Where the calibration has no mounting, the block no image of a calibrated camera, or its
-        trajectory observes nothing.
+        Where the block has no image of a calibrated camera, or its trajectory observes nothing.
     """
-    if not calibrated.mounted:
-        problem = f"{flight.path}: {calibrated.method} has no boresight and no lever arm"
-        raise FlightError([f"{problem}; orient images by another method: --method rig"])
     names = [camera.name for camera in calibrated.cameras]
     if block not in flight.blocks:
         raise FlightError([f"{flight.path}: no block {block}; it has {', '.join(flight.blocks)}"])
@@ -450,54 +395,39 @@ class Taken:
         By camera, how far the lens of the other program is from the calibrated one.
     assumed, left_out : tuple of str
         Conventions of the files, and what they have no place for: a sentence each.
-    without_lenses : Taken, optional
-        What is worth having where a lens is too far: the files without lenses.
     """
 
     files: Mapping[str, str]
     lenses: Mapping[str, Left] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
-    without_lenses: Taken | None = None
 
 
 def near(taken: Taken, allowed_px: float = LARGEST_PX) -> Taken:
-    """Return an export if its lenses are near enough, else its part without lenses.
+    """Return an export if its lenses are near enough.
 
     Raises
     ------
     OutputError
-        Where a lens differs by more than is allowed and nothing is worth having without.
+        Where a lens differs by more than is allowed.
     """
-    far = {
-        name: refit
-        for name, refit in taken.lenses.items()
-        if not refit.largest_px <= (max(allowed_px, WORST_PX) if refit.returned else allowed_px)
-    }
-    if not far:
-        return taken
-    name, difference = max(far.items(), key=lambda item: item[1].largest_px)
-    msg = (
-        f"{name}: the other program's lens differs by {difference.largest_px:.3g} px somewhere "
-        f"in the image, more than {allowed_px:g} px; --allow {above(difference.largest_px)} "
-        "exports it nevertheless"
-    )
-    if taken.without_lenses is None:
-        raise OutputError(msg)
-    less = taken.without_lenses
-    return replace(less, left_out=(*less.left_out, f"lenses: {msg}"))
+    for name, left in sorted(taken.lenses.items(), key=lambda item: -item[1].largest_px):
+        if not left.largest_px <= allowed_px:
+            msg = (
+                f"{name}: the other program's lens differs by {left.largest_px:.3g} px somewhere "
+                f"in the image, more than {allowed_px:g} px; --allow {above(left.largest_px)} "
+                "exports it nevertheless"
+            )
+            raise OutputError(msg)
+    return taken
 
 
 def sentences(taken: Taken) -> tuple[str, ...]:
     """Return a sentence for each lens on its difference."""
-    phrases = {
-        False: "lens refitted over the whole image, off",
-        True: "lens not estimated, so that it goes back as it came: the flight's camera is off",
-    }
     return tuple(
-        f"{name}: {phrases[refit.returned]} by at most {refit.largest_px:.4f} px, "
-        f"rms {refit.rms_px:.4f} px"
-        for name, refit in taken.lenses.items()
+        f"{name}: lens refitted over the whole image, off by at most {left.largest_px:.4f} px, "
+        f"rms {left.rms_px:.4f} px"
+        for name, left in taken.lenses.items()
     )
 
 
@@ -524,7 +454,7 @@ def write(taken: Taken, folder: Path, *, title: str, origin: str) -> None:
         if remarks:
             said += [f"## {name}", "", *(f"- {remark}" for remark in remarks), ""]
     texts = {**taken.files, STATEMENT: "\n".join(said)}
-    with own_folder.claim(folder, signs=[STATEMENT]):
+    with whole_files.claim(folder, signs=[STATEMENT]):
         for name in texts:
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
         write_all({folder / name: text for name, text in texts.items()})

@@ -74,9 +74,6 @@ ASSUMED = (
     "lever_sigma_m and mount_sigma_deg are comments: without # they make the mounting an "
     "observation of the next calibration",
 )
-NOT_MOUNTED = (
-    "the mounting is not estimated: mount angles have the heads' rotations relative to each other"
-)
 FRAME = (
     "{} is a synthetic camera, whose mount angles in flight.toml also define the frame of its "
     "images: where images are rendered anew, keep the old angles"
@@ -86,9 +83,7 @@ FRAME = (
 def _toml_cameras(calibrated: Calibrated) -> Taken:
     """Return the tables ``[cameras.NAME]`` with calibrated values, sigma as comments."""
     synthetic, remarks = calibrated.flight.synthetic, list(ASSUMED)
-    if not calibrated.mounted:
-        remarks.append(NOT_MOUNTED)
-    elif synthetic is not None and synthetic.camera in [c.name for c in calibrated.cameras]:
+    if synthetic is not None and synthetic.camera in [c.name for c in calibrated.cameras]:
         remarks.append(FRAME.format(synthetic.camera))
     return Taken(
         files={FILE: "\n".join(_tables(calibrated))},
@@ -101,9 +96,8 @@ def _tables(calibrated: Calibrated) -> Iterator[str]:
     listed = parameters(calibrated.calibration)
     for k, camera in enumerate(calibrated.cameras):
         yield camera_toml(camera).rstrip("\n")
-        if calibrated.mounted:
-            for key, sigma in zip(SIGMAS, _mount_sigmas(calibrated, k), strict=True):
-                yield f"# {key} = {sigma.tolist()}"
+        for key, sigma in zip(SIGMAS, _mount_sigmas(calibrated, k), strict=True):
+            yield f"# {key} = {sigma.tolist()}"
         of_camera = [p for p in listed if p.camera == camera.name]
         yield from (f"# sigma of {p.name}: {p.sigma:.3g} {p.unit}" for p in of_camera)
         yield ""
@@ -133,15 +127,14 @@ OPENCV_RIG = "R and T take a point from the axes of {} to those of the head: x =
 
 def _opencv_cameras(calibrated: Calibrated) -> Taken:
     """Return a YAML file for every camera, with its place in the rig where there are several."""
-    cameras = calibrated.cameras
-    rig = to_first(calibrated.calibration)
-    lenses = brown.of_all(calibrated)
+    cameras, rig = calibrated.cameras, to_first(calibrated.calibration)
+    lenses = brown.all_nearest(cameras, "plain")
     return Taken(
         files={
             f"{file_stem(camera.name)}.yaml": _opencv_text(camera, lenses[camera.name], head)
             for camera, head in zip(cameras, rig, strict=True)
         },
-        lenses=brown.lenses(lenses),
+        lenses=brown.left_of(lenses),
         assumed=(*OPENCV_ASSUMED, *([OPENCV_RIG.format(cameras[0].name)] if rig[1:] else [])),
         left_out=(SIGMA, BODY),
     )
@@ -149,15 +142,14 @@ def _opencv_cameras(calibrated: Calibrated) -> Taken:
 
 def _opencv_text(camera: Camera, lens: Brown, head: Relative) -> str:
     """Return the file of a camera, with the names of OpenCV's own examples of calibration."""
-    T_h_r = head.T_v_r_h.inverse
+    hole, T_h_r = lens.hole, head.T_v_r_h.inverse
     storage = cv2.FileStorage(".yaml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
     storage.write("image_width", camera.width_px)
     storage.write("image_height", camera.height_px)
     storage.write("camera_name", camera.name)
-    hole, coefficients = lens.hole, [lens.k1, lens.k2, lens.p1, lens.p2, lens.k3]
     matrix = [[hole.fx, 0.0, hole.cx], [0.0, hole.fy, hole.cy], [0.0, 0.0, 1.0]]
     storage.write("camera_matrix", np.array(matrix))
-    storage.write("distortion_coefficients", np.array([coefficients]))
+    storage.write("distortion_coefficients", lens.coefficients[None])
     storage.write("R", np.ascontiguousarray(T_h_r.R))
     storage.write("T", np.ascontiguousarray(T_h_r.r[:, None]))
     return str(storage.releaseAndGetString())
@@ -184,45 +176,34 @@ MICASENSE_HEADER = "camera,rig_camera_index,a_deg,b_deg,c_deg,sigma_a_deg,sigma_
 
 def _micasense_cameras(calibrated: Calibrated) -> Taken:
     """Return a text of XMP tags for every head, and a table of all RigRelatives with sigma."""
-    first = calibrated.cameras[0].name
-    lenses = brown.square(calibrated)
-    table, tags, angles_alone = [MICASENSE_HEADER], list[str](), list[str]()
+    lenses = brown.all_nearest(calibrated.cameras, "square")
+    table, tags = [MICASENSE_HEADER], list[str]()
     for k, head in enumerate(to_first(calibrated.calibration)):
         camera = calibrated.cameras[k]
         angles = np.degrees(head.T_v_r_h.opk) + 0.0  # no negative zeros
         quoted = f'"{camera.name.replace(chr(34), chr(34) * 2)}"'
-        numbers = (f"{value:.6f}" for value in (*angles, *np.degrees(head.sigma_opk)))
-        table.append(",".join([quoted, str(k), *numbers]))
-        of_rig = [
-            f"Camera:RigCameraIndex = {k}",
-            f"Camera:RigRelatives = {_micasense_listed(*angles.tolist())}",
-            "Camera:RigRelativesReferenceRigCameraIndex = 0",
-            "",
-        ]
+        with_sigma = (f"{value:.6f}" for value in (*angles, *np.degrees(head.sigma_opk)))
+        table.append(",".join([quoted, str(k), *with_sigma]))
         lens, mm = lenses[camera.name], camera.pixel_mm
-        distortion = (lens.k1, lens.k2, lens.k3, lens.p1, lens.p2)
-        angles_alone += [f"[{camera.name}]", *of_rig]
+        k1, k2, p1, p2, k3 = lens.coefficients
         tags += [
             f"[{camera.name}]",
             "Camera:ModelType = perspective",
             f"Camera:PrincipalPoint = {_micasense_listed(lens.hole.cx * mm, lens.hole.cy * mm)}",
             f"Camera:PerspectiveFocalLength = {_micasense_listed(lens.hole.fx * mm)}",
             "Camera:PerspectiveFocalLengthUnits = mm",
-            f"Camera:PerspectiveDistortion = {_micasense_listed(*distortion)}",
-            *of_rig,
+            f"Camera:PerspectiveDistortion = {_micasense_listed(k1, k2, k3, p1, p2)}",
+            f"Camera:RigCameraIndex = {k}",
+            f"Camera:RigRelatives = {_micasense_listed(*angles.tolist())}",
+            "Camera:RigRelativesReferenceRigCameraIndex = 0",
+            "",
         ]
-    assumed = (MICASENSE_ASSUMED[0].format(first, first), *MICASENSE_ASSUMED[1:])
-    without_lenses = Taken(
-        files={"rig_relatives.csv": lines(table), "xmp_tags.txt": lines(angles_alone)},
-        assumed=assumed[:1],
-        left_out=(MICASENSE_POSITIONS, BODY),
-    )
-    return replace(
-        without_lenses,
+    first = calibrated.cameras[0].name
+    return Taken(
         files={"rig_relatives.csv": lines(table), "xmp_tags.txt": lines(tags)},
-        lenses=brown.lenses(lenses),
-        assumed=assumed,
-        without_lenses=without_lenses,
+        lenses=brown.left_of(lenses),
+        assumed=(MICASENSE_ASSUMED[0].format(first, first), *MICASENSE_ASSUMED[1:]),
+        left_out=(MICASENSE_POSITIONS, BODY),
     )
 
 
@@ -250,19 +231,19 @@ COLMAP_WORLD = "the world is Cartesian, m: east, north, up at {}"
 
 def _colmap_cameras(calibrated: Calibrated) -> Taken:
     """Return cameras.txt and rigs.txt; the first camera is the reference of the rig."""
-    lenses, rig = brown.of_all(calibrated), to_first(calibrated.calibration)
+    lenses = brown.all_nearest(calibrated.cameras, "plain")
+    rig = to_first(calibrated.calibration)
     listed, rig_line = [], f"1 {len(rig)} CAMERA 1"
     for i, (camera, head) in enumerate(zip(calibrated.cameras, rig, strict=True), start=1):
-        model = lenses[camera.name]
-        hole = (model.hole.fx, model.hole.fy, model.hole.cx + CORNER, model.hole.cy + CORNER)
-        values = [*hole, model.k1, model.k2, model.p1, model.p2, model.k3, 0.0, 0.0, 0.0]
-        size = f"{camera.width_px} {camera.height_px}"
-        listed.append(f"{i} FULL_OPENCV {size} {numbers(values)}")
+        hole, coefficients = lenses[camera.name].hole, lenses[camera.name].coefficients
+        pinhole = (hole.fx, hole.fy, hole.cx + CORNER, hole.cy + CORNER)
+        values = numbers([*pinhole, *coefficients, 0.0, 0.0, 0.0])
+        listed.append(f"{i} FULL_OPENCV {camera.width_px} {camera.height_px} {values}")
         if i > 1:
             rig_line += f" CAMERA {i} 1 {_colmap_pose(head.T_v_r_h.inverse)}"
     return Taken(
         files={"cameras.txt": lines(listed), "rigs.txt": lines([rig_line])},
-        lenses=brown.lenses(lenses),
+        lenses=brown.left_of(lenses),
         assumed=(COLMAP_ASSUMED[0], COLMAP_ASSUMED[1].format(calibrated.cameras[0].name)),
         left_out=(SIGMA, BODY),
     )
@@ -287,14 +268,10 @@ def _colmap_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
     if cut := [name for name in oriented.names if " " in name]:
         said = (counted(len(cut), "image"), repr(cut[0].split(" ")[0]), repr(cut[0]))
         left_out.append(COLMAP_CUT.format(*said))
-    return Taken(
-        files={
-            **alone.files,
-            "frames.txt": lines(frames),
-            "images.txt": lines(images),
-            "points3D.txt": "# no points\n",
-        },
-        lenses=alone.lenses,
+    model = {"frames.txt": lines(frames), "images.txt": lines(images)}
+    return replace(
+        alone,
+        files={**alone.files, **model, "points3D.txt": "# no points\n"},
         assumed=(*alone.assumed, COLMAP_WORLD.format(oriented.origin)),
         left_out=tuple(left_out),
     )
@@ -327,151 +304,98 @@ METASHAPE_POSITIONS = "positions of heads in a rig: --orientations BLOCK has tho
 METASHAPE_RIGID = (
     "that the heads are a rig: every image has its own pose, which has its head's position"
 )
-METASHAPE_PARAMS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "p1", "p2")
-"""Parameters, in the order in which they are written."""
-
-METASHAPE_VALUES = np.zeros((10, 10))
-"""d(PARAMS) / d(fx, fy, cx, cy, skew, k1, k2, p1, p2, k3)."""
-METASHAPE_VALUES[[0, 1, 2, 3, 3], [1, 2, 3, 0, 1]] = [1, 1, 1, 1, -1]
-METASHAPE_VALUES[[4, 5, 6, 7, 8, 9], [4, 5, 6, 9, 8, 7]] = 1
 
 
 def _metashape_cameras(calibrated: Calibrated) -> Taken:
-    """Return a calibration for every camera, and cameras.xml with sensors and covariances."""
-    lenses = brown.skewed(calibrated)
-    document, chunk = _metashape_chunk(calibrated, lenses)
-    _metashape_rig(chunk, calibrated)
-    several = len(calibrated.cameras) > 1
-    return Taken(
-        files={
-            **{
-                f"{file_stem(camera.name)}.xml": _metashape_calibration(camera, lenses[camera.name])
-                for camera in calibrated.cameras
-            },
-            "chunk/cameras.xml": as_xml(document),
-        },
-        lenses=brown.lenses(lenses),
-        assumed=(
-            *METASHAPE_ASSUMED,
-            *([METASHAPE_RIG.format(calibrated.cameras[0].name)] if several else []),
-        ),
+    """Return a calibration for every camera, and cameras.xml with sensors."""
+    made, document, _ = _metashape_sensors(calibrated)
+    rig = to_first(calibrated.calibration)
+    for sensor, head in zip([*document.iter("sensor")][1:], rig[1:], strict=True):
+        sensor.set("master_id", "0")
+        add_numbers(sensor, "rotation", head.T_v_r_h.R.ravel())
+    several = [METASHAPE_RIG.format(calibrated.cameras[0].name)] if rig[1:] else []
+    return replace(
+        made,
+        files={**made.files, "chunk/cameras.xml": as_xml(document)},
+        assumed=(*METASHAPE_ASSUMED, *several),
         left_out=(BODY, *([METASHAPE_POSITIONS] if several else [])),
     )
 
 
 def _metashape_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
     """Return the files of `cameras`, with the poses of oriented images: single ones, no rig."""
-    alone = _metashape_cameras(calibrated)
-    document, chunk = _metashape_chunk(calibrated, brown.skewed(calibrated))
-    _metashape_place(chunk, oriented)
+    made, document, chunk = _metashape_sensors(calibrated)
+    frame = oriented.block.frame
+    crs = pyproj.CRS.from_user_input(frame.grid.crs)
+    ET.SubElement(chunk, "reference").text = crs.to_wkt("WKT1_GDAL")
+    components = ET.SubElement(chunk, "components")
+    component = ET.SubElement(components, "component", id="0", label="acx4")
+    transform = ET.SubElement(component, "transform")  # topocentric axes to the ECEF frame
+    add_numbers(transform, "rotation", rotation_enu_to_ecef(frame.origin[None])[0].ravel())
+    origin = frame.grid.ecef_from_geographic(np.append(frame.origin, 0.0)[None])[0]
+    add_numbers(transform, "translation", origin)
+    add_numbers(transform, "scale", [1.0])
     names = [camera.name for camera in calibrated.cameras]
-    _metashape_transform(ET.SubElement(chunk, "components"), oriented)
     listed = ET.SubElement(chunk, "cameras")
     for i, name in enumerate(oriented.names):
         camera = oriented.block.cameras[oriented.block.images.camera_idx[i]]
-        element = ET.SubElement(
-            listed,
-            "camera",
-            {"id": str(i), "sensor_id": str(names.index(camera.name)), "component_id": "0"},
-            label=name,
-        )
-        add_numbers(element, "transform", _metashape_matrix(oriented.T_m_c[i]).ravel())
-    return Taken(
-        files={**alone.files, "chunk/cameras.xml": as_xml(document)},
-        lenses=alone.lenses,
+        sensor = str(names.index(camera.name))
+        of_it = {"id": str(i), "sensor_id": sensor, "component_id": "0", "label": name}
+        matrix, T = np.eye(4), oriented.T_m_c[i]
+        matrix[:3, :3], matrix[:3, 3] = T.R @ R_C_V, T.r
+        add_numbers(ET.SubElement(listed, "camera", of_it), "transform", matrix.ravel())
+    return replace(
+        made,
+        files={**made.files, "chunk/cameras.xml": as_xml(document)},
         assumed=METASHAPE_ASSUMED,
         left_out=(METASHAPE_RIGID,) if names[1:] else (),
     )
 
 
-def _metashape_chunk(
-    calibrated: Calibrated, lenses: Mapping[str, Brown]
-) -> tuple[ET.Element, ET.Element]:
-    """Return a document and its chunk, with sensors."""
+def _metashape_sensors(calibrated: Calibrated) -> tuple[Taken, ET.Element, ET.Element]:
+    """Return calibrations alone, and a document with its chunk, which has sensors."""
+    lenses = brown.all_nearest(calibrated.cameras, "skewed")
     document = ET.Element("document", version="1.5.0")
     chunk = ET.SubElement(document, "chunk", label="acx4", enabled="true")
-    sensors = ET.SubElement(chunk, "sensors")
+    sensors, files = ET.SubElement(chunk, "sensors"), {}
     for k, camera in enumerate(calibrated.cameras):
-        sensor = ET.SubElement(sensors, "sensor", {"id": str(k)}, label=camera.name, type="frame")
-        _metashape_sensor(sensor, camera, lenses[camera.name])
-        _metashape_covariance(sensor, calibrated, k)
-    return document, chunk
+        alone, lens = ET.Element("calibration"), lenses[camera.name]
+        width, height = str(camera.width_px), str(camera.height_px)
+        for tag, text in (("projection", "frame"), ("width", width), ("height", height)):
+            ET.SubElement(alone, tag).text = text
+        _metashape_lens(alone, camera, lens)
+        files[f"{file_stem(camera.name)}.xml"] = as_xml(alone)
+        sensor = ET.SubElement(sensors, "sensor", id=str(k), label=camera.name, type="frame")
+        ET.SubElement(sensor, "resolution", width=width, height=height)
+        mm = {"pixel_width": camera.pixel_mm, "pixel_height": camera.pixel_mm}
+        for name, value in (*mm.items(), ("focal_length", camera.interior.f)):
+            ET.SubElement(sensor, "property", name=name, value=repr(value))
+        # what is loaded is taken from "initial", so that "adjusted" says the same of it
+        for kind in ("initial", "adjusted"):
+            calibration = ET.SubElement(sensor, "calibration", {"type": "frame", "class": kind})
+            ET.SubElement(calibration, "resolution", width=width, height=height)
+            _metashape_lens(calibration, camera, lens)
+    return Taken(files=files, lenses=brown.left_of(lenses)), document, chunk
 
 
-def _metashape_rig(chunk: ET.Element, calibrated: Calibrated) -> None:
-    """Make all sensors but the first its slaves."""
-    rig = to_first(calibrated.calibration)
-    for k, (sensor, head) in enumerate(zip(chunk.iter("sensor"), rig, strict=True)):
-        if k:
-            sensor.set("master_id", "0")
-            add_numbers(sensor, "rotation", head.T_v_r_h.R.ravel())
-
-
-def _metashape_sensor(sensor: ET.Element, camera: Camera, lens: Brown) -> None:
-    size = {"width": str(camera.width_px), "height": str(camera.height_px)}
-    ET.SubElement(sensor, "resolution", size)
-    mm = {"pixel_width": camera.pixel_mm, "pixel_height": camera.pixel_mm}
-    for name, value in (*mm.items(), ("focal_length", camera.interior.f)):
-        ET.SubElement(sensor, "property", name=name, value=repr(value))
-    # what is loaded is taken from "initial", so that "adjusted" says the same of it
-    for kind in ("initial", "adjusted"):
-        calibration = ET.SubElement(sensor, "calibration", {"type": "frame", "class": kind})
-        ET.SubElement(calibration, "resolution", size)
-        _metashape_write_params(calibration, camera, lens)
-
-
-def _metashape_write_params(element: ET.Element, camera: Camera, lens: Brown) -> None:
-    hole = lens.hole
-    middle = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
-    internals = (hole.fy, hole.cx - middle[0], hole.cy - middle[1], hole.fx - hole.fy, hole.skew)
-    values = (*internals, lens.k1, lens.k2, lens.k3, lens.p2, lens.p1)
-    for name, value in zip(METASHAPE_PARAMS, values, strict=True):
+def _metashape_lens(element: ET.Element, camera: Camera, lens: Brown) -> None:
+    """Write the parameters in their order; b1 and b2 where they are not zero."""
+    hole, (k1, k2, p1, p2, k3) = lens.hole, lens.coefficients
+    values = {
+        "f": hole.fy,
+        "cx": hole.cx - 0.5 * (camera.width_px - 1),
+        "cy": hole.cy - 0.5 * (camera.height_px - 1),
+        "b1": hole.fx - hole.fy,
+        "b2": hole.skew,
+        "k1": k1,
+        "k2": k2,
+        "k3": k3,
+        "p1": p2,
+        "p2": p1,
+    }
+    for name, value in values.items():
         if value or name not in ("b1", "b2"):
             add_numbers(element, name, [value])
-
-
-def _metashape_covariance(sensor: ET.Element, calibrated: Calibrated, k: int) -> None:
-    calibration = calibrated.calibration
-    columns = calibration.layout.interior[k]
-    J = METASHAPE_VALUES @ brown.derivatives(calibration.cameras[k], columns, calibration.n_columns)
-    cov = propagate(J, calibration.cov)
-    kept = np.flatnonzero(np.diag(cov) > 0)
-    if len(kept):
-        element = ET.SubElement(sensor, "covariance")
-        ET.SubElement(element, "params").text = " ".join(METASHAPE_PARAMS[i] for i in kept)
-        add_numbers(element, "coeffs", cov[np.ix_(kept, kept)].ravel())
-
-
-def _metashape_transform(components: ET.Element, oriented: Oriented) -> None:
-    """Write the way from the topocentric axes to the ECEF frame."""
-    frame = oriented.block.frame
-    component = ET.SubElement(components, "component", id="0", label="acx4")
-    transform = ET.SubElement(component, "transform")
-    add_numbers(transform, "rotation", rotation_enu_to_ecef(frame.origin[None])[0].ravel())
-    origin = frame.grid.ecef_from_geographic(np.append(frame.origin, 0.0)[None])[0]
-    add_numbers(transform, "translation", origin)
-    add_numbers(transform, "scale", [1.0])
-
-
-def _metashape_place(chunk: ET.Element, oriented: Oriented) -> None:
-    crs = pyproj.CRS.from_user_input(oriented.block.frame.grid.crs)
-    ET.SubElement(chunk, "reference").text = crs.to_wkt("WKT1_GDAL")
-
-
-def _metashape_matrix(T_m_c: Pose) -> np.ndarray:
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = T_m_c.R @ R_C_V, T_m_c.r
-    return matrix
-
-
-def _metashape_calibration(camera: Camera, lens: Brown) -> str:
-    """Return the file of one calibration."""
-    element = ET.Element("calibration")
-    ET.SubElement(element, "projection").text = "frame"
-    ET.SubElement(element, "width").text = str(camera.width_px)
-    ET.SubElement(element, "height").text = str(camera.height_px)
-    _metashape_write_params(element, camera, lens)
-    return as_xml(element)
 
 
 # --- All of them

@@ -7,7 +7,7 @@ top-left one; poses take the world to the camera's axes, x right, y down, z ahea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -17,51 +17,18 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from acx4files.exchange import safe
+from acx4files.exchange import lens, options, project, safe
 from acx4files.exchange.coordinates import AHEAD, FLIP, stacked, turned
-from acx4files.exchange.flight_folder import ImportedFlight
-from acx4files.exchange.lens import COLMAP as MODELS
-from acx4files.exchange.lens import WORST_PX, Lens, Pinhole, Wrong
-from acx4files.exchange.options import (
-    Allow,
-    AsAdjusted,
-    BlockOfProject,
-    CrsOfFiles,
-    PixelUmOfProject,
-    Source,
-)
-from acx4files.exchange.project import (
-    Images,
-    InGrid,
-    Measured,
-    Project,
-    Proof,
-    as_they_are,
-    flight_of,
-    grid_poses_of_ecef,
-    nowhere,
-    require_names,
-)
+from acx4files.exchange.lens import Lens, Pinhole, Wrong
+from acx4files.exchange.project import Images, Measured, Project, Proof
 from acx4files.exchange.safe import Cursor, Line, Opened, refusal
-from acx4files.flight.problems import PIXELS, quoted
+from acx4files.flight.problems import METRES, PIXELS, quoted
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import LOCAL, GridSystem
 
-NAMES = ("cameras", "images", "points3D")
-"""Files of a model; their endings are .bin or .txt."""
-
-MAYBE = ("rigs", "frames")
-"""Files that models of COLMAP 3.12 and later have as well."""
-
 HALF = 0.5
 """The middle of the top-left pixel has the coordinates 0.5, 0.5 in COLMAP."""
-
-LARGEST = 1e8
-"""Largest coordinate, in pixels as in units of the model."""
-
-UNMATCHED = -1
-"""Number of the point of a measurement without a point."""
 
 EARTH = (6.3e6, 6.5e6)
 """Least and largest distance of a flight from the Earth's centre, m."""
@@ -71,10 +38,8 @@ ASSUMED = (
     "Poses take the world to the camera's axes: x right, y down, z ahead",
 )
 
-
 CAMERA = "CAMERA"
 """The kind of sensor that is a camera; it has the number 0 in binary files."""
-
 
 Camera = tuple[int, str, float, float, Array, Wrong]
 """Number, lens model, width, height, parameters."""
@@ -99,93 +64,12 @@ class _Image:
     wrong: Wrong
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Model:
-    """The content of the files.
-
-    `points` are numbers and places. `references` are the cameras whose axes are those of rigs,
-    `in_rigs` the rigs in the other cameras' axes, None if not known; `frames` are those of images.
-    """
-
-    sources: tuple[Opened, ...]
-    cameras: Mapping[int, Lens]
-    images: tuple[_Image, ...]
-    points: tuple[Index, Array]
-    references: set[int]
-    in_rigs: Mapping[int, Pose | None]
-    frames: Mapping[int, int]
-
-
-def project(source: Path, *, crs: str | None = None) -> Project:
-    """Return a model.
-
-    Parameters
-    ----------
-    source : Path
-        Its folder, or a file in it; binary files are taken where there are both, as COLMAP does.
-    crs : str, optional
-        Projected CRS in whose east, north and height the model's coordinates are, or whose ECEF
-        frame; the size of the coordinates tells which. `geodesy.LOCAL` takes them as they are.
-
-    Raises
-    ------
-    FlightError
-        Where the folder has no model, or something in it cannot be.
-    """
-    model = _model(source)
-    folder = source.parent if source.is_file() else source
-    if not model.images:
-        metres = "Lever arms of cameras in rigs are metres: without images nothing tells their unit"
-        return Project(
-            source="COLMAP's cameras",
-            sources=model.sources,
-            lenses=_lenses(model, is_metric=True),
-            assumed=(ASSUMED[0], *((metres,) if model.in_rigs else ())),
-        )
-    _require(model)
-    T_w_i = stacked([_pose(image.pose, image.wrong) for image in model.images]).inverse
-    T_w_c = Pose(R=T_w_i.R @ FLIP, r=T_w_i.r)
-    measured, lost = _measured(model)
-    in_grid, placed = _in_grid(folder, crs, T_w_c)
-    unknown = list(model.in_rigs.values()).count(None)
-    return Project(
-        source="COLMAP",
-        sources=model.sources,
-        lenses=_lenses(model, is_metric=crs is not None),
-        images=Images(
-            names=tuple(image.name for image in model.images),
-            cameras=tuple(_named(image.camera) for image in model.images),
-            exposures=tuple(_exposures(model)),
-            T_w_c=T_w_c,
-        ),
-        measured=measured,
-        proofs=(Proof(whose="COLMAP's own points", measured=measured),),
-        settings={
-            "name": folder.resolve().name,
-            **({} if crs is None else {"crs": crs, "heights": "ellipsoidal"}),
-        },
-        in_grid=in_grid,
-        placed=placed,
-        lost={
-            **lost,
-            "cameras of rigs without a pose in the rig: their mountings are 0": unknown,
-            "lever arms of cameras in rigs: without a CRS the model has no metres": (
-                len(model.in_rigs) - unknown if crs is None else 0
-            ),
-        },
-        assumed=ASSUMED,
-    )
-
-
-def read(
-    source: Annotated[Path, Source],
+def read_project(
+    source: Annotated[Path, options.Source],
     *,
-    block: BlockOfProject = None,
-    crs: CrsOfFiles = None,
-    orientations: AsAdjusted = "none",
-    pixel_um: PixelUmOfProject = None,
-    allow: Allow = WORST_PX,
-) -> ImportedFlight:
+    crs: options.CrsOfFiles = None,
+    orientations: options.AsAdjusted = "none",
+) -> Project:
     """Read a model of COLMAP: cameras, rigs, images and tie points, text or binary.
 
     SOURCE is the folder of a model, often sparse/0, with cameras, images and points3D as .bin or
@@ -204,115 +88,127 @@ def read(
     Raises
     ------
     FlightError
-        As `project` and `flight_of`.
+        Where the folder has no model, or something in it cannot be.
     """
-    return flight_of(
-        project(source, crs=crs),
+    folder = source.parent if source.is_file() else source
+    sources, rows = _rows(source, folder)
+    lenses, (references, in_rigs) = _lenses(rows["cameras"]), _rigs(rows["rigs"])
+    images: list[_Image] = list(rows["images"])
+    rigged = _mounted(lenses, in_rigs, is_metric=crs is not None)
+    if not images:
+        raise refusal(str(folder), 1, "folder", "has no image", "must be a model with images")
+    frames = {image: frame for frame, kind, image in rows["frames"] if kind == CAMERA}
+    _require(images, lenses, frames)
+    T_w_i = stacked([_pose(image.pose, image.wrong) for image in images]).inverse
+    T_w_c = Pose(R=T_w_i.R @ FLIP, r=T_w_i.r)
+    measured, lost = _measured(images, dict(rows["points3D"]))
+    in_grid, placed = _in_grid(folder, crs, T_w_c)
+    unknown = list(in_rigs.values()).count(None)
+    return Project(
+        source="COLMAP",
+        sources=sources,
+        lenses=rigged,
+        images=Images(
+            names=tuple(image.name for image in images),
+            cameras=tuple(f"camera {image.camera}" for image in images),
+            exposures=tuple(_exposures(images, frames, references)),
+            T_w_c=T_w_c,
+        ),
+        measured=measured,
+        proofs=(Proof(whose="COLMAP's own points", measured=measured),),
+        settings={
+            "name": folder.resolve().name,
+            **({} if crs is None else {"crs": crs, "heights": "ellipsoidal"}),
+        },
         orientations=orientations,
-        block=block,
-        pixel_um=pixel_um,
-        allow=allow,
+        in_grid=in_grid,
+        placed=placed,
+        lost={
+            **lost,
+            "cameras of rigs without a pose in the rig: their mountings are 0": unknown,
+            "lever arms of cameras in rigs: without a CRS the model has no metres": (
+                len(in_rigs) - unknown if crs is None else 0
+            ),
+        },
+        assumed=ASSUMED,
     )
 
 
-def _model(source: Path) -> _Model:
-    """Return the model in a folder, or in the folder of a file."""
-    folder = source.parent if source.is_file() else source
-    endings = [ending for ending in READERS if (folder / f"cameras{ending}").exists()]
-    if not endings:
+read = project.reader(read_project)
+
+
+def _rows(source: Path, folder: Path) -> tuple[list[Opened], dict[str, Any]]:
+    """Return the files of a model and their content; binary ones first, as COLMAP does."""
+    ending = next((one for one in READERS if (folder / f"cameras{one}").exists()), "")
+    if not ending:
         found_none = "has neither cameras.bin nor cameras.txt"
         expected = "must be the folder of a model, often sparse/0"
         raise refusal(str(source), 1, "folder", found_none, expected)
-    paths = {name: folder / f"{name}{endings[0]}" for name in (*NAMES, *MAYBE)}
-    has_images = any(paths[name].exists() for name in NAMES[1:])
+    paths = {name: folder / f"{name}{ending}" for name in READERS[ending]}
+    needed = ("cameras", "images", "points3D")
     files: list[Opened] = []
-    rows: dict[str, Iterable[Any]] = dict.fromkeys(paths, ())
+    rows: dict[str, Any] = dict.fromkeys(paths, ())
     for name, path in paths.items():
-        is_needed = name == "cameras" or (has_images and name in NAMES)
         # COLMAP's manual makes models of known poses with an empty file of points
-        is_empty = name in ("points3D", *MAYBE) and path.is_file() and not path.stat().st_size
-        if (is_needed or (name in MAYBE and path.exists())) and not is_empty:
+        is_empty = path.is_file() and not path.stat().st_size and name not in ("cameras", "images")
+        if (name in needed or path.exists()) and not is_empty:
             files.append(safe.read(path))
-            rows[name] = READERS[endings[0]][name](files[-1])
-    points = list(rows["points3D"])
-    cameras = _cameras(rows["cameras"])
-    images = tuple(rows["images"])
-    references, in_rigs = _rigs(rows["rigs"])
-    return _Model(
-        sources=tuple(files),
-        cameras=cameras,
-        images=images,
-        points=(
-            np.array([number for number, _ in points], dtype=np.int64),
-            np.array([xyz for _, xyz in points], dtype=float).reshape(-1, 3),
-        ),
-        references=references,
-        in_rigs=in_rigs,
-        frames={image: frame for frame, kind, image in rows["frames"] if kind == CAMERA},
-    )
+            rows[name] = READERS[ending][name](files[-1])
+    return files, rows
 
 
-def _require(model: _Model) -> None:
+def _require(images: list[_Image], cameras: Mapping[int, Lens], frames: Mapping[int, int]) -> None:
     """Raise where images do not fit to cameras, to each other or to names of a flight."""
-    places: dict[str, _Image] = {}
+    places = project.by_id((image.name, image) for image in images)
     seen: set[tuple[int, int]] = set()
-    for image in model.images:
-        if image.camera not in model.cameras:
+    for image in images:
+        if image.camera not in cameras:
             raise image.wrong(f"{quoted(image.name)}: camera {image.camera}", "must be in cameras")
-        if image.name in places:
-            raise image.wrong(f"{quoted(image.name)} is there twice", "must be unique")
         _require_size(image.xy, image.wrong)
-        places[image.name] = image
-        key = (model.frames.get(image.number, -1), image.camera)
-        if key in seen and key[0] >= 0:
-            raise image.wrong(
-                f"frame {key[0]} has camera {key[1]} twice", "must have each camera once"
-            )
+        key = (frames.get(image.number, -image.number), image.camera)
+        if key in seen:
+            fault = f"frame {key[0]} has camera {key[1]} twice"
+            raise image.wrong(fault, "must have each camera once")
         seen.add(key)
-    require_names(list(places), lambda name, fault, expected: places[name].wrong(fault, expected))
+    project.named(places, list(places))
 
 
-def _named(camera: int) -> str:
-    return f"camera {camera}"
-
-
-def _lenses(model: _Model, *, is_metric: bool) -> dict[str, Lens]:
+def _mounted(
+    lenses: Mapping[int, Lens], in_rigs: Mapping[int, Pose | None], *, is_metric: bool
+) -> dict[str, Lens]:
     """Return cameras with their mountings in rigs; lever arms only where the unit is metres."""
-    mounts = dict.fromkeys(model.cameras, AHEAD)
-    for number, pose in model.in_rigs.items():
+    mounts = dict.fromkeys(lenses, AHEAD)
+    for number, pose in in_rigs.items():
         if pose is not None:
             back = pose.inverse
             r = FLIP @ back.r if is_metric else np.zeros(3)
             mounts[number] = Pose(R=turned(back.R), r=r)
-    return {_named(i): replace(lens, mount=mounts[i]) for i, lens in model.cameras.items()}
+    return {f"camera {i}": replace(lens, mount=mounts[i]) for i, lens in lenses.items()}
 
 
-def _exposures(model: _Model) -> list[str]:
-    """Return the exposure of each image: the first image of its frame, of the rig's own camera."""
+def _exposures(
+    images: list[_Image], frames: Mapping[int, int], references: set[int]
+) -> Iterator[str]:
+    """Yield the exposure of each image: the first image of its frame, of the rig's own camera."""
     leaders: dict[int, str] = {}
-    frames = [model.frames.get(image.number) for image in model.images]
-    for frame, image in zip(frames, model.images, strict=True):
-        if frame is not None and (frame not in leaders or image.camera in model.references):
+    for image in images:
+        frame = frames.get(image.number, -image.number)
+        if frame not in leaders or image.camera in references:
             leaders[frame] = image.name
-    return [
-        image.name if frame is None else leaders[frame]
-        for frame, image in zip(frames, model.images, strict=True)
-    ]
+    yield from (leaders[frames.get(image.number, -image.number)] for image in images)
 
 
-def _measured(model: _Model) -> tuple[Measured, dict[str, int]]:
+def _measured(images: list[_Image], points: Mapping[int, Any]) -> tuple[Measured, dict[str, int]]:
     """Return measurements that belong to points, a point once in each image, and the others."""
-    ids, x_w = model.points
-    image = np.repeat(np.arange(len(model.images)), [len(shot.points) for shot in model.images])
-    point = np.concatenate([shot.points for shot in model.images])
-    colrow = np.concatenate([shot.xy for shot in model.images]) - HALF
-    row_of = pd.Series(np.arange(len(ids)), index=ids)
-    row = row_of[~row_of.index.duplicated()].reindex(point, fill_value=-1).to_numpy()
-    matched, known = point != UNMATCHED, row >= 0
+    image = np.repeat(np.arange(len(images)), [len(shot.points) for shot in images])
+    point = np.concatenate([shot.points for shot in images])
+    colrow = np.concatenate([shot.xy for shot in images]) - HALF
+    row = pd.Index(list(points), dtype=np.int64).get_indexer(pd.Index(point))
+    matched, known = point != -1, row >= 0
     first = known & ~pd.DataFrame({"image": image, "row": row}).duplicated().to_numpy()
     measured = Measured(
-        points=tuple(ids.astype(str).tolist()),
-        x_w=x_w,
+        points=tuple(map(str, points)),
+        x_w=np.array([*points.values()], dtype=float).reshape(-1, 3),
         image_idx=image[first],
         point_idx=row[first],
         colrow=colrow[first],
@@ -325,14 +221,14 @@ def _measured(model: _Model) -> tuple[Measured, dict[str, int]]:
     return measured, lost
 
 
-def _in_grid(folder: Path, crs: str | None, T_w_c: Pose) -> tuple[InGrid, tuple[str, ...]]:
+def _in_grid(folder: Path, crs: str | None, T_w_c: Pose) -> tuple[project.InGrid, tuple[str, ...]]:
     """Return the map from a model's poses into the grid, and a sentence on its assumption."""
     if crs is None:
         expected = f"adjusted orientations need a projected CRS, or {LOCAL!r}"
-        return nowhere(refusal(str(folder), 1, "--crs", "missing", expected)), ()
+        return refusal(str(folder), 1, "--crs", "missing", expected), ()
     if crs == LOCAL:
         sentence = "The model's x, y, z are coordinates on no map, of the model's own scale"
-        return as_they_are, (sentence,)
+        return project.as_they_are, (sentence,)
     try:
         grid = GridSystem(crs=crs)
     except ValueError as error:
@@ -340,15 +236,15 @@ def _in_grid(folder: Path, crs: str | None, T_w_c: Pose) -> tuple[InGrid, tuple[
     distance = np.linalg.norm(T_w_c.r, axis=1)
     if ((distance > EARTH[0]) & (distance < EARTH[1])).all():
         sentence = f"The model is in the earth-centred frame of {crs}"
-        return lambda T: grid_poses_of_ecef(grid, T), (sentence,)
+        return lambda T: project.grid_poses_of_ecef(grid, T), (sentence,)
     sentence = f"The model's x, y, z are east, north and ellipsoidal height of {crs}"
-    return lambda T: (T.r, T.opk), (sentence,)
+    return project.as_they_are, (sentence,)
 
 
 # what text and binary files have in common
 
 
-def _cameras(rows: Iterable[Camera]) -> dict[int, Lens]:
+def _lenses(rows: Iterator[Camera]) -> dict[int, Lens]:
     """Return cameras of their number, model, width, height and parameters, after checks."""
     lenses: dict[int, Lens] = {}
     for number, name, width, height, parameters, wrong in rows:
@@ -356,53 +252,44 @@ def _cameras(rows: Iterable[Camera]) -> dict[int, Lens]:
             raise wrong(f"camera {number} is there twice", "must be unique")
         if width not in PIXELS or height not in PIXELS:
             raise wrong(f"{width} x {height} px", f"width and height {PIXELS}")
-        names = _names(name, wrong)
-        if len(parameters) != len(names):
-            expected = f"must be {', '.join(names)}"
+        formula = _formula(name, wrong)
+        if len(parameters) != len(formula.names):
+            expected = f"must be {', '.join(formula.names)}"
             raise wrong(f"{name} has {len(parameters)} parameters", expected)
         _require_size(parameters, wrong)
-        values, first = parameters.tolist(), names.index("cx")
+        values, first = parameters.tolist(), formula.names.index("cx")
         if min(values[:first]) <= 0:
             raise wrong(f"{name} {values}", "focal lengths must be positive")
         cx, cy = values[first : first + 2]
-        lenses[number] = Lens(
-            width_px=int(width),
-            height_px=int(height),
-            hole=Pinhole(fx=values[0], fy=values[first - 1], cx=cx - HALF, cy=cy - HALF),
-            distortion=MODELS[name].distortion(values),
-            is_fisheye=MODELS[name].is_fisheye,
-            wrong=wrong,
-        )
+        hole = Pinhole(fx=values[0], fy=values[first - 1], cx=cx - HALF, cy=cy - HALF)
+        lenses[number] = formula.lens(values, hole, (int(width), int(height)), wrong)
     return lenses
 
 
-def _names(model: str, wrong: Wrong) -> tuple[str, ...]:
-    """Return the names of the parameters of a lens model."""
-    if model not in MODELS:
-        raise wrong(f"lens model {quoted(model)}", f"must be one of {', '.join(MODELS)}")
-    return MODELS[model].names
+def _formula(model: str, wrong: Wrong) -> lens.Formula:
+    if model not in lens.COLMAP:
+        raise wrong(f"lens model {quoted(model)}", f"must be one of {', '.join(lens.COLMAP)}")
+    return lens.COLMAP[model]
 
 
-def _rigs(rows: Iterable[Rig]) -> tuple[set[int], dict[int, Pose | None]]:
+def _rigs(rows: Iterator[Rig]) -> tuple[set[int], dict[int, Pose | None]]:
     """Return reference cameras, and rigs in the axes of others, of references and other sensors."""
     references, in_rigs = set[int](), dict[int, Pose | None]()
     for kind, reference, others, wrong in rows:
-        for other, number, values in others:
-            pose = None if values is None else _pose(values, wrong)
-            if other == CAMERA:
-                in_rigs[number] = pose
         if kind != CAMERA:
             raise wrong(f"reference sensor {quoted(kind)}", "must be CAMERA, in binary files 0")
         references.add(reference)
+        for other, number, values in others:
+            if other == CAMERA:
+                in_rigs[number] = None if values is None else _pose(values, wrong)
     return references, in_rigs
 
 
 def _require_size(values: Array, wrong: Wrong) -> None:
     """Raise where coordinates are not finite, or larger than any is."""
-    fits = np.abs(values) <= LARGEST
+    fits = np.abs(values) <= METRES.high
     if not fits.all():
-        expected = f"must be between -{LARGEST:g} and {LARGEST:g}"
-        raise wrong(f"coordinate {values[~fits][0]:g}", expected)
+        raise wrong(f"coordinate {values[~fits][0]:g}", str(METRES))
 
 
 def _pose(values: Array, wrong: Wrong) -> Pose:
@@ -442,10 +329,8 @@ def _text_images(source: Opened) -> Iterator[_Image]:
     """Yield images from two lines each; the second, with measurements, may be blank."""
     lines = _lines(source, cells=9)
     for line in filter(len, lines):
-        below = next(lines, Line(file=line.file, number=line.number + 1, cells=()))
-        whole = Line(
-            file=line.file, number=below.number, cells=tuple(" ".join(below.cells).split())
-        )
+        below = next(lines, replace(line, cells=()))
+        whole = replace(below, cells=tuple(" ".join(below.cells).split()))
         if len(whole) % 3:
             raise whole.wrong("POINTS2D", f"{len(whole)} cells", "must be X, Y, POINT3D_ID of each")
         values = whole.numbers(0, None, "POINTS2D").reshape(-1, 3)
@@ -464,9 +349,7 @@ def _text_images(source: Opened) -> Iterator[_Image]:
 
 def _text_points(source: Opened) -> Iterator[tuple[int, Array]]:
     for line in filter(len, _lines(source, cells=4)):
-        xyz = line.numbers(1, 4, "X, Y, Z")
-        _require_size(xyz, partial(line.wrong, "X, Y, Z"))
-        yield line.whole_at(0, "POINT3D_ID"), xyz
+        yield line.whole_at(0, "POINT3D_ID"), line.numbers(1, 4, "X, Y, Z", METRES)
 
 
 def _text_rigs(source: Opened) -> Iterator[Rig]:
@@ -516,12 +399,12 @@ def _kind(number: int) -> str:
 
 def _binary_cameras(source: Opened) -> Iterator[Camera]:
     cursor, entries = _entries(source)
-    models = dict(enumerate(MODELS))
+    models = dict(enumerate(lens.COLMAP))
     for k in entries:
         number, kind, width, height = cursor.take("<IiQQ", f"camera {k + 1}")
         wrong = partial(source.wrong, f"camera {number}")
         name = models.get(kind, str(kind))
-        values = cursor.take(f"<{len(_names(name, wrong))}d", f"camera {number}")
+        values = cursor.take(f"<{len(_formula(name, wrong).names)}d", f"camera {number}")
         yield number, name, width, height, np.array(values), wrong
 
 
@@ -549,8 +432,8 @@ def _binary_points(source: Opened) -> Iterator[tuple[int, list[float]]]:
     for _ in entries:
         number, *xyz, _, _, _, _, length = cursor.take("<q3d3BdQ", "point")
         cursor.array(_TRACK_ELEMENT, length, f"track of point {number}")
-        if not all(abs(x) <= LARGEST for x in xyz):  # of each point, an array would take long
-            _require_size(np.array(xyz), partial(source.wrong, f"point {number}"))
+        if not all(x in METRES for x in xyz):
+            raise source.wrong(f"point {number}", f"coordinates {xyz}", str(METRES))
         yield number, xyz
 
 

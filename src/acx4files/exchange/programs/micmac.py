@@ -16,33 +16,16 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 
-from acx4files.exchange import lens, safe
-from acx4files.exchange.coordinates import FLIP, UNKNOWN, is_rotation, nearest_rotation, stacked
-from acx4files.exchange.flight_folder import ImportedFlight
-from acx4files.exchange.lens import WORST_PX, Lens, Pinhole
-from acx4files.exchange.options import (
-    Allow,
-    AsAdjusted,
-    BlockOfProject,
-    CrsOfFiles,
-    PixelUmOfProject,
-    Source,
-)
-from acx4files.exchange.project import (
-    Control,
-    Images,
-    Measured,
-    Project,
-    Proof,
-    flight_of,
-    in_crs,
-    require_all_names,
-)
+from acx4files.exchange import coordinates, lens, options, project, safe
+from acx4files.exchange.coordinates import FLIP, UNKNOWN
+from acx4files.exchange.lens import Lens, Pinhole
+from acx4files.exchange.project import Control, Images, Measured, Project, Proof
 from acx4files.exchange.safe import Element, Opened
 from acx4files.flight.problems import METRES, RANGES, Range, quoted
 from acx4lib.expected import Array
@@ -57,26 +40,17 @@ MODELS = ("ModNoDist", "ModRad", "ModPhgrStd")
 ORIENTATION, CALIBRATION = "Ori-PerspCentral-", "Calib-PerspCentral-"
 """Beginnings of the names of files of version 2."""
 
-KINDS = {"CameraPose": "NameImage", "InternalCalibration": "PerfectProj", "SetMesIm": "NameIm"}
-KINDS |= {"SetGCP": "NameSet"}
+KINDS = {
+    "CameraPose": "NameImage",
+    "InternalCalibration": "PerfectProj",
+    "SetMesIm": "NameIm",
+    "SetGCP": "NameSet",
+}
 """Elements with the content of a file of version 2, and a part of each: early files lack them."""
 
 FOCAL = Range(1.0, 1e7, "must be a focal length in pixels")
-
-PER_PIXEL = Range(-0.5, 0.5)
-"""P1 and P2 of version 1, per pixel, b1 and b2 without a unit."""
-
 COEFFICIENT = Range(-1e6, 1e6)
 ENTRY = Range(-2.0, 2.0, "must be an entry of a rotation")
-
-SKEW = 1e-6
-"""Largest difference of a matrix from a rotation."""
-
-AROUND = ("ExportAPERO", "Global")
-"""Outermost elements of version 1 that hold others."""
-
-CAMERA = "CAM"
-"""Name of the camera where no orientation names a calibration."""
 
 SHOWN = 5
 """Largest number of names in a sentence."""
@@ -101,123 +75,43 @@ PRECISION = (
 """Names and sentences of versions 1 and 2."""
 
 
-Ray = tuple[Element, str, str, Array]
-"""The element, image, point and pixel of a measurement."""
-
-Place = tuple[Element, str, Array, Array]
-"""The element, name, coordinates and sigma of a surveyed point, sigma NaN where not given."""
-
-
 @dataclass(kw_only=True)
 class _Content:
     """What XML files say.
 
     `lenses` are by the names of calibrations, `poses` by images, with the element that names the
-    calibration and its name. `own` are image, object point and pixel of points that MicMac itself
+    calibration and its name; `seen` are pixels by image and point, `places` coordinates and sigma,
+    NaN where not given. `own` are image, object point and pixel of points that MicMac itself
     projected; `others` counts files of another content.
     """
 
     read: list[Opened] = field(default_factory=list)
     lenses: dict[str, Lens] = field(default_factory=dict)
     poses: dict[str, tuple[Pose, Element, str]] = field(default_factory=dict)
-    rays: list[Ray] = field(default_factory=list)
-    places: list[Place] = field(default_factory=list)
+    seen: dict[tuple[str, str], Array] = field(default_factory=dict)
+    places: dict[str, tuple[Array, Array]] = field(default_factory=dict)
     own: list[tuple[str, Array, Array]] = field(default_factory=list)
     others: int = 0
 
+    def see(self, element: Element, image: str, point: str) -> None:
+        """Add the pixel of a point in an image."""
+        if (image, point) in self.seen:
+            raise element.wrong(f"{quoted(point)} stands twice in {quoted(image)}", "must once")
+        self.seen[image, point] = element.numbers(2, METRES)
 
-def project(source: Path, *, crs: str | None = None) -> Project:
-    """Return MicMac's files of version 1, or of version 2 if there are any.
-
-    Parameters
-    ----------
-    source : Path
-        Of version 1 a folder with one Ori-*, or an Ori-* in it, measures and surveyed points in
-        XML; of version 2 a folder of orientations, its project's folder MMVII-PhgrProj or the one
-        around that, with the points of the project; or one such file.
-    crs : str, optional
-        Of the flight and of MicMac's coordinates, which do not say it.
-
-    Raises
-    ------
-    FlightError
-        For files that are not MicMac's, other conventions, projections or distortion models.
-    """
-    second = _is_second(source)
-    content = _content(source, second=second)
-    cameras = {name: _camera(name) for name in content.lenses}
-    surveyed: dict[str, tuple[Array, Array]] = {}
-    for element, name, x_w, sigma in content.places:
-        if name in surveyed:
-            raise element.wrong(f"point {quoted(name)} stands twice", "must stand once")
-        surveyed[name] = (x_w, sigma)
-    names = tuple(dict.fromkeys([*content.poses, *(image for _, image, _, _ in content.rays)]))
-    row_of = {image: row for row, image in enumerate(names)}
-    camera_of = dict.fromkeys(names, next(iter(cameras.values()), CAMERA))
-    for image, (_, element, name) in content.poses.items():
-        if name not in cameras:
-            raise element.wrong(f"{quoted(name)} is not there", "must be beside the orientations")
-        camera_of[image] = cameras[name]
-    seen: dict[tuple[str, str], Array] = {}
-    for element, image, name, colrow in content.rays:
-        if (image, name) in seen:
-            raise element.wrong(f"{quoted(name)} stands twice in {quoted(image)}", "must once")
-        seen[image, name] = colrow
-    measured = Measured.of(
-        [(row_of[image], point, colrow) for (image, point), colrow in seen.items()],
-        {name: x_w for name, (x_w, _) in surveyed.items()},
-    )
-    own = Measured.of(
-        [(row_of[image], str(k), colrow) for k, (image, _, colrow) in enumerate(content.own)],
-        {str(k): x_w for k, (_, x_w, _) in enumerate(content.own)},
-    )
-    named = {"image": names, "camera": [*camera_of.values()], "point": measured.points}
-    require_all_names(named, content.read[0].wrong)
-    unknown = [name for name in measured.points if name not in surveyed] if surveyed else []
-    unseen = [name for name in surveyed if name not in measured.points]
-    ties = "measured points are tie points, since their coordinates are not there"
-    where = "the flight's CRS" if crs is None else crs
-    on_map = f"MicMac's coordinates are east, north, height in {where}: its files do not say it"
-    poses = {image: pose for image, (pose, _, _) in content.poses.items()}
-    xyz, sigma = (
-        np.array([place[k] for place in surveyed.values()]).reshape(-1, 3) for k in (0, 1)
-    )
-    return Project(
-        source=NAME[second],
-        sources=content.read,
-        lenses={cameras[name]: lens for name, lens in content.lenses.items()},
-        images=Images(
-            names=names,
-            cameras=tuple(camera_of.values()),
-            exposures=names,
-            T_w_c=stacked([poses.get(name, UNKNOWN) for name in names]),
-        ),
-        measured=measured,
-        proofs=(
-            Proof(whose="surveyed points", measured=measured),
-            Proof(whose="points that MicMac projected itself (Verif)", measured=own),
-        ),
-        control=Control(names=tuple(surveyed), enh=xyz, sigma=sigma),
-        settings={} if crs is None else {"crs": crs, "heights": "ellipsoidal"},
-        in_grid=in_crs(source, crs),
-        lost={
-            "other XML files": content.others,
-            f"{ties}: {', '.join(unknown[:SHOWN])}": len(unknown),
-            f"surveyed points are measured in no image: {', '.join(unseen[:SHOWN])}": len(unseen),
-        },
-        assumed=(ASSUMED[second], PIXEL, *((on_map, PRECISION[second]) if surveyed else ())),
-    )
+    def survey(self, element: Element, point: str, sigma: Array) -> None:
+        """Add the coordinates of a point."""
+        if point in self.places:
+            raise element.wrong(f"point {quoted(point)} stands twice", "must stand once")
+        self.places[point] = (element.numbers(3, METRES), sigma)
 
 
-def read(
-    source: Annotated[Path, Source],
+def read_project(
+    source: Annotated[Path, options.Source],
     *,
-    block: BlockOfProject = None,
-    crs: CrsOfFiles = None,
-    orientations: AsAdjusted = "none",
-    pixel_um: PixelUmOfProject = None,
-    allow: Allow = WORST_PX,
-) -> ImportedFlight:
+    crs: options.CrsOfFiles = None,
+    orientations: options.AsAdjusted = "none",
+) -> Project:
     """Read MicMac's XML, version 1 or 2: calibration, orientations, measured, surveyed points.
 
     SOURCE is the folder that holds Ori-* and the points (SetOfMesureAppuisFlottants,
@@ -233,15 +127,65 @@ def read(
     Raises
     ------
     FlightError
-        As `project` and `flight_of`.
+        For files that are not MicMac's, other conventions, projections or distortion models.
     """
-    return flight_of(
-        project(source, crs=crs),
-        orientations=orientations,
-        block=block,
-        pixel_um=pixel_um,
-        allow=allow,
+    second = _is_second(source)
+    content = _content(source, second=second)
+    cameras = {name: _camera(name) for name in content.lenses}
+    names = tuple(dict.fromkeys([*content.poses, *(image for image, _ in content.seen)]))
+    row_of = {image: row for row, image in enumerate(names)}
+    camera_of = dict.fromkeys(names, next(iter(cameras.values()), "CAM"))
+    for image, (_, element, name) in content.poses.items():
+        if name not in cameras:
+            raise element.wrong(f"{quoted(name)} is not there", "must be beside the orientations")
+        camera_of[image] = cameras[name]
+    measured = Measured.of(
+        [(row_of[image], point, colrow) for (image, point), colrow in content.seen.items()],
+        {name: x_w for name, (x_w, _) in content.places.items()},
     )
+    own = Measured.of(
+        [(row_of[image], str(k), colrow) for k, (image, _, colrow) in enumerate(content.own)],
+        {str(k): x_w for k, (_, x_w, _) in enumerate(content.own)},
+    )
+    for kind, of in (("image", names), ("camera", cameras.values()), ("point", measured.points)):
+        project.require_names(of, partial(content.read[0].wrong, kind))
+    unknown = [name for name in measured.points if name not in content.places]
+    unseen = [name for name in content.places if name not in measured.points]
+    ties = "measured points are tie points, since their coordinates are not there"
+    where = "the flight's CRS" if crs is None else crs
+    on_map = f"MicMac's coordinates are east, north, height in {where}: its files do not say it"
+    surveyed = np.array([*content.places.values()]).reshape(-1, 2, 3)
+    return Project(
+        source=NAME[second],
+        sources=content.read,
+        lenses={cameras[name]: lens for name, lens in content.lenses.items()},
+        images=Images(
+            names=names,
+            cameras=tuple(camera_of.values()),
+            exposures=names,
+            T_w_c=coordinates.stacked(
+                [content.poses[name][0] if name in content.poses else UNKNOWN for name in names]
+            ),
+        ),
+        measured=measured,
+        proofs=(
+            Proof(whose="surveyed points", measured=measured),
+            Proof(whose="points that MicMac projected itself (Verif)", measured=own),
+        ),
+        control=Control(names=(*content.places,), enh=surveyed[:, 0], sigma=surveyed[:, 1]),
+        settings={} if crs is None else {"crs": crs, "heights": "ellipsoidal"},
+        orientations=orientations,
+        in_grid=project.in_crs(source, crs),
+        lost={
+            "other XML files": content.others,
+            f"{ties}: {', '.join(unknown[:SHOWN])}": len(unknown) if content.places else 0,
+            f"surveyed points are measured in no image: {', '.join(unseen[:SHOWN])}": len(unseen),
+        },
+        assumed=(ASSUMED[second], PIXEL, *((on_map, PRECISION[second]) if len(surveyed) else ())),
+    )
+
+
+read = project.reader(read_project)
 
 
 def _content(source: Path, *, second: bool) -> _Content:
@@ -272,18 +216,10 @@ def _camera(calibration: str) -> str:
     return name.removeprefix(CALIBRATION)
 
 
-def _within(element: Element, allowed: Range, n: int = 3) -> Array:
-    """Return the numbers of an element, `n` of them, in a range."""
-    values = element.numbers(n)
-    if not all(value in allowed for value in values):
-        raise element.wrong(quoted(element.text), str(allowed))
-    return values
-
-
-def _rotation(element: Element, tags: tuple[str, str, str]) -> Array:
+def _rotation(element: Element, *tags: str) -> Array:
     """Return a rotation of three rows below an element."""
-    R = np.stack([_within(element.one(tag), ENTRY) for tag in tags])
-    if not is_rotation(R, SKEW):
+    R = np.stack([element.one(tag).numbers(3, ENTRY) for tag in tags])
+    if not coordinates.is_rotation(R, 1e-6):
         raise element.wrong(f"{', '.join(tags)} are no rotation", "must be orthogonal unit vectors")
     return R
 
@@ -304,57 +240,54 @@ def _first_paths(source: Path) -> Iterator[Path]:
 def _take_first(content: _Content, path: Path, root: Element) -> bool:
     """Add what a file says; return False where it is of another kind."""
     image, is_known = re.fullmatch(r"Orientation-(.+)\.xml", path.name), False
-    for element in root.below if root.tag in AROUND else [root]:
+    for element in root.each("*") if root.tag in ("ExportAPERO", "Global") else [root]:
         if element.tag == "OrientationConique" and image:
             _take_orientation(content, image[1], element)
         elif element.tag == "CalibrationInternConique" and path.name not in content.lenses:
             content.lenses[path.name] = _first_lens(element)
         elif element.tag == "SetOfMesureAppuisFlottants":
-            content.rays += _first_rays(element)
+            _take_measures(content, element)
         elif element.tag == "DicoAppuisFlottant":
-            content.places += _first_places(element)
+            for point in element.each("OneAppuisDAF"):
+                given = point.maybe("Incertitude")
+                sigma = project.NOWHERE if given is None else given.numbers(3, METRES)
+                content.survey(point.one("Pt"), point.one("NamePt").content, sigma)
         else:
             continue
         is_known = True
     return is_known
 
 
-def _first_rays(measures: Element) -> Iterator[Ray]:
-    for image in measures.each("MesureAppuiFlottant1Im"):
-        for point in image.each("OneMesureAF1I"):
-            colrow = _within(point.one("PtIm"), METRES, 2)
-            yield point, image.one("NameIm").text, point.one("NamePt").text, colrow
-
-
-def _first_places(dictionary: Element) -> Iterator[Place]:
-    for point in dictionary.each("OneAppuisDAF"):
-        sigma = point.maybe("Incertitude")
-        values = np.full(3, np.nan) if sigma is None else _within(sigma, METRES)
-        yield point, point.one("NamePt").text, _within(point.one("Pt"), METRES), values
+def _take_measures(content: _Content, measures: Element) -> None:
+    for seen in measures.each("MesureAppuiFlottant1Im"):
+        for point in seen.each("OneMesureAF1I"):
+            names = seen.one("NameIm").content, point.one("NamePt").content
+            content.see(point.one("PtIm"), *names)
 
 
 def _take_orientation(content: _Content, image: str, orientation: Element) -> None:
     """Add T_w_c of an ``OrientationConique`` in the library's camera axes, and its own points."""
-    for place in ("Externe", "ConvOri"):
-        _require_known(orientation.maybe(place, "KnownConv"))
+    for path, wanted in (
+        ("Externe/KnownConv", KNOWN),
+        ("ConvOri/KnownConv", KNOWN),
+        ("TypeProj", "eProjStenope"),
+    ):
+        _require(orientation.maybe(path), wanted)
     _require_plain(orientation, "OrIntImaM2C")
-    kind = orientation.maybe("TypeProj")
-    if kind is not None and kind.text != "eProjStenope":
-        raise kind.wrong(quoted(kind.text), "must be eProjStenope, a central projection")
     if (inside := orientation.maybe("Interne")) is not None:
         raise inside.wrong("a calibration in an orientation", "must be a file named by FileInterne")
-    R_w_v = _rotation(orientation.one("Externe", "ParamRotation", "CodageMatr"), ("L1", "L2", "L3"))
-    pose = Pose(R=R_w_v @ FLIP, r=_within(orientation.one("Externe", "Centre"), METRES))
+    R_w_v = _rotation(orientation.one("Externe/ParamRotation/CodageMatr"), "L1", "L2", "L3")
+    pose = Pose(R=R_w_v @ FLIP, r=orientation.one("Externe/Centre").numbers(3, METRES))
     file = orientation.one("FileInterne")
-    content.poses[image] = (pose, file, file.text.replace("\\", "/").rpartition("/")[2])
-    for point in orientation.each("Verif", "Appuis"):
-        x_w, colrow = _within(point.one("Ter"), METRES), _within(point.one("Im"), METRES, 2)
+    content.poses[image] = (pose, file, file.content.replace("\\", "/").rpartition("/")[2])
+    for point in orientation.each("Verif/Appuis"):
+        x_w, colrow = point.one("Ter").numbers(3, METRES), point.one("Im").numbers(2, METRES)
         content.own.append((image, x_w, colrow))
 
 
-def _require_known(convention: Element | None) -> None:
-    if convention is not None and convention.text != KNOWN:
-        raise convention.wrong(quoted(convention.text), f"must be {KNOWN}")
+def _require(element: Element | None, wanted: str) -> None:
+    if element is not None and element.content != wanted:
+        raise element.wrong(quoted(element.content), f"must be {wanted}")
 
 
 def _require_plain(element: Element, *tags: str) -> None:
@@ -362,19 +295,18 @@ def _require_plain(element: Element, *tags: str) -> None:
     plain = {"I00": [0.0, 0.0], "V10": [1.0, 0.0], "V01": [0.0, 1.0]}
     for affine in (found for tag in tags for found in element.each(tag)):
         for tag, values in plain.items():
-            if any(column.numbers(2).tolist() != values for column in affine.everywhere(tag)):
+            if any(one.numbers(2).tolist() != values for one in affine.each(f".//{tag}")):
                 raise affine.wrong("turns or scales pixels", "must leave them as they are")
 
 
 def _first_lens(root: Element) -> Lens:
     """Return the camera of an AutoCal*.xml."""
-    _require_known(root.maybe("KnownConv"))
+    _require(root.maybe("KnownConv"), KNOWN)
     _require_plain(root, "OrIntGlob", "OrIntImaM2C")
-    width, height = _within(root.one("SzIm"), RANGES["width_px"], 2).tolist()
-    focal = root.one("F")
-    f = focal.numbers().tolist()
-    if len(f) not in (1, 2) or any(value not in FOCAL for value in f):
-        raise focal.wrong(quoted(focal.text), str(FOCAL))
+    width, height = root.one("SzIm").numbers(2, RANGES["width_px"]).tolist()
+    f = root.one("F").numbers(None, FOCAL).tolist()
+    if len(f) not in (1, 2):
+        raise root.one("F").wrong(f"{len(f)} numbers", str(FOCAL))
     cx, cy = root.one("PP").numbers(2).tolist()
     hole = stretched = Pinhole(fx=f[0], fy=f[-1], cx=cx, cy=cy)
     terms = [_term(distortion) for distortion in root.each("CalibDistortion")]
@@ -404,21 +336,22 @@ def _first_lens(root: Element) -> Lens:
 
 def _term(distortion: Element) -> tuple[Array, dict[str, float], list[float]]:
     """Return the centre of a distortion of pixels, its terms in `effects`, and b1, b2."""
-    if len(distortion.below) != 1:
-        raise distortion.wrong(f"holds {len(distortion.below)} models", "must hold one")
-    model = distortion.below[0]
+    if len(distortion) != 1:
+        raise distortion.wrong(f"holds {len(distortion)} models", "must hold one")
+    model = distortion.one("*")
     if model.tag not in MODELS:
         kind = model.maybe("TypeModele")
-        name = model.tag if kind is None else f"{model.tag} {kind.text}"
+        name = model.tag if kind is None else f"{model.tag} {kind.content}"
         raise model.wrong(f"distortion {quoted(name)}", f"must be {', '.join(MODELS)}")
     if model.tag == "ModNoDist":
         return np.zeros(2), {}, [0.0, 0.0]
-    radial = model.maybe("RadialePart") or model
+    inner = model.maybe("RadialePart")
+    radial = model if inner is None else inner
     k = [coefficient.number() for coefficient in radial.each("CoeffDist")]
     if any(k[6:]):
         raise radial.wrong(f"has {len(k)} CoeffDist", "must have at most 6")
     p1, p2, b1, b2 = (
-        0.0 if (value := model.maybe(tag)) is None else value.number(allowed=PER_PIXEL)
+        0.0 if (value := model.maybe(tag)) is None else value.number("", RANGES["b1"])
         for tag in ("P1", "P2", "b1", "b2")
     )
     values = {f"k{n}": value for n, value in enumerate(k, start=1)} | {"u": p2, "v": p1}
@@ -452,43 +385,43 @@ def _second_paths(source: Path) -> Iterable[Path]:
 
 def _take_second(content: _Content, root: Element) -> bool:
     """Add what a file says; return False where it is of another kind."""
-    data = root.maybe("Data") or root
-    found = ((kind, data.maybe(kind) or data) for kind in KINDS)
-    kind, element = next((pair for pair in found if pair[1].maybe(KINDS[pair[0]])), ("", root))
-    if not kind:
+    for kind, part in KINDS.items():
+        around = (root.maybe(f"Data/{kind}"), root.maybe(kind), root.maybe("Data"), root)
+        element = next(one for one in around if one is not None)
+        if element.maybe(part) is not None:
+            break
+    else:
         return False
     if kind == "CameraPose":
-        R_v_w = _rotation(element.one("RotMatrix"), ("AxeI", "AxeJ", "AxeK"))
-        named, r = element.one("NameInternalCalib"), _within(element.one("Center"), METRES)
-        pose = Pose(R=nearest_rotation(R_v_w.T) @ FLIP, r=r)
+        R_v_w = _rotation(element.one("RotMatrix"), "AxeI", "AxeJ", "AxeK")
+        named, r = element.one("NameInternalCalib"), element.one("Center").numbers(3, METRES)
+        pose = Pose(R=coordinates.nearest_rotation(R_v_w.T) @ FLIP, r=r)
         content.poses[_text(element.one("NameImage"))] = (pose, named, _text(named))
     elif kind == "InternalCalibration":
         content.lenses[_text(element.one("Name"))] = _second_lens(element)
-    elif kind == "SetMesIm":
-        image = _text(element.one("NameIm"))
-        for point in element.each("Measures", "el"):
-            colrow = _within(point.one("Pt"), METRES, 2)
-            content.rays.append((point, image, _text(point.one("Name")), colrow))
-    else:
-        content.places += _second_places(element)
+    for point in element.each("Measures/el"):
+        name, place = _text(point.one("Name")), point.one("Pt")
+        if kind == "SetMesIm":
+            content.see(place, _text(element.one("NameIm")), name)
+        else:
+            content.survey(place, name, _sigma(point))
     return True
 
 
-def _second_places(group: Element) -> Iterator[Place]:
-    for point in group.each("Measures", "el"):
-        sigma = np.full(3, np.nan)
-        for given in (child for child in point.below if child.tag.endswith("Sigma2")):
-            variances = given.numbers(6)[[0, 3, 5]]
-            if (variances < 0).any():
-                raise given.wrong(quoted(given.text), "must have variances xx xy xz yy yz zz")
-            sigma = np.sqrt(variances)
-        yield point, _text(point.one("Name")), _within(point.one("Pt"), METRES), sigma
+def _sigma(point: Element) -> Array:
+    """Return the sigma of a surveyed point, m; NaN where it has none."""
+    sigma = project.NOWHERE
+    for given in (child for child in point.each("*") if child.tag.endswith("Sigma2")):
+        variances = given.numbers(6)[[0, 3, 5]]
+        if (variances < 0).any():
+            raise given.wrong(quoted(given.content), "must have variances xx xy xz yy yz zz")
+        sigma = np.sqrt(variances)
+    return sigma
 
 
 def _text(element: Element) -> str:
     """Return a text without the quotation marks of version 2."""
-    text = element.text
-    return text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text
+    return re.sub(r'^"(.*)"$', r"\1", element.content, flags=re.DOTALL)
 
 
 def _second_lens(root: Element) -> Lens:
@@ -496,22 +429,16 @@ def _second_lens(root: Element) -> Lens:
     projection = root.one("Projection")
     if _text(projection) != "Stenope":
         raise projection.wrong(quoted(_text(projection)), "must be Stenope, the plane one")
-    width, height = _within(root.one("PixelFrame", "NbPix"), RANGES["width_px"], 2).tolist()
-    f = root.one("PerfectProj", "F").number(allowed=FOCAL)
-    cx, cy = root.one("PerfectProj", "PP").numbers(2).tolist()
-    known = {
-        "p1": "v",
-        "p2": "u",
-        "b1": "b1",
-        "b2": "b2",
-        **{f"K{i}": f"k{i}" for i in range(1, 7)},
-    }
-    mode = root.maybe("Auxiliary", "IsFraserMode")
-    if mode is not None and mode.text == "0":  # the terms of degree 1 are others
-        del known["b1"], known["b2"]
+    width, height = root.one("PixelFrame/NbPix").numbers(2, RANGES["width_px"]).tolist()
+    f = root.one("PerfectProj/F").number("", FOCAL)
+    cx, cy = root.one("PerfectProj/PP").numbers(2).tolist()
+    known = {"p1": "v", "p2": "u", **{f"K{i}": f"k{i}" for i in range(1, 7)}}
+    mode = root.maybe("Auxiliary/IsFraserMode")
+    if mode is None or mode.content != "0":  # else the terms of degree 1 are others
+        known |= {"b1": "b1", "b2": "b2"}
     values: dict[str, float] = {}
-    for element in (term for part in root.one("Distorsion").below for term in part.below):
-        value = element.number(allowed=COEFFICIENT)
+    for element in root.one("Distorsion").each("*/*"):
+        value = element.number("", COEFFICIENT)
         if element.tag in known:
             values[known[element.tag]] = value
         elif value:

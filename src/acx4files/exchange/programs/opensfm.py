@@ -21,35 +21,10 @@ from typing import Annotated
 
 import numpy as np
 
-from acx4files.exchange import coordinates, safe
-from acx4files.exchange.coordinates import FLIP, UNKNOWN, Chosen, stacked, turned
-from acx4files.exchange.flight_folder import ImportedFlight
-from acx4files.exchange.lens import OPENSFM as MODELS
-from acx4files.exchange.lens import WORST_PX, Lens, Pinhole
-from acx4files.exchange.options import (
-    Allow,
-    BlockOfProject,
-    CrsOfProject,
-    Option,
-    Orientations,
-    PixelUmOfProject,
-    Source,
-)
-from acx4files.exchange.project import (
-    Control,
-    Images,
-    InGrid,
-    Measured,
-    Project,
-    Proof,
-    first_use,
-    flight_of,
-    joined,
-    naming,
-    nowhere,
-    require_all_names,
-    require_names,
-)
+from acx4files.exchange import coordinates, lens, options, project, safe
+from acx4files.exchange.coordinates import FLIP, UNKNOWN, Chosen, stacked
+from acx4files.exchange.lens import Lens, Pinhole
+from acx4files.exchange.project import Control, Images, Measured, Project, Proof
 from acx4files.exchange.safe import Line, Node, Opened
 from acx4files.flight.problems import METRES, RANGES, Range, quoted
 from acx4lib.errors import FlightError
@@ -61,15 +36,14 @@ OPENSFM = "opensfm"
 """Folder of OpenSfM's files in a project of ODM."""
 
 RECONSTRUCTION, TRACKS = "reconstruction.json", "tracks.csv"
-CAMERAS = ("camera_models.json", "cameras.json")
-"""Cameras before the adjustment, by OpenSfM; cameras after it, by ODM."""
-
 VERSIONS = ("OPENSFM_TRACKS_VERSION_v1", "OPENSFM_TRACKS_VERSION_v2")
 """First lines of tracks.csv; the first version of all had none."""
 
+NO_POSITION_DOP = 999_999
+"""Dilution of precision that OpenSfM writes where there is no position."""
+
 NORMALISED = Range(-1e3, 1e3, "must be divided by the longer side of the image")
 TURN = Range(-100.0, 100.0, "must be a rotation vector in radians")
-
 
 CONTROL = ("ground_control_points.json", "gcp_list.txt", "../gcp_list.txt")
 """Control points: in the folder of the project, or in that of ODM above it."""
@@ -93,87 +67,17 @@ ASSUMED = (
 )
 
 
-def project(
-    source: Path,
+def read_project(
+    source: Annotated[Path, options.Source],
     *,
-    orientations: str = "initial",
-    crs: str | None = None,
+    crs: options.CrsOfProject = None,
+    orientations: options.Orientations = "initial",
 ) -> Project:
-    """Return a project of OpenSfM or ODM.
-
-    Parameters
-    ----------
-    source : Path
-        Its folder, the folder of an ODM project, or one file reconstruction.json or cameras.json.
-    orientations : {"initial", "adjusted", "none"}
-        Where "adjusted", the flight has the project's coordinate system.
-    crs : str, optional
-        Of the flight; by default the UTM zone of the project's origin.
-
-    Raises
-    ------
-    FlightError
-        For files that are not those of OpenSfM, or a reconstruction without what is asked for.
-    """
-    files = _files_of(source)
-    root, others = _reconstruction(files)
-    if root is None:
-        return _cameras_alone(files)
-    images, models, gps = _images(root)
-    lenses = _lenses(files, root, models)
-    sizes = np.array([(lenses[name].width_px, lenses[name].height_px) for name in images.cameras])
-    ties = _ties(files, root, images, sizes)
-    named = {"image": images.names, "camera": images.cameras, "exposure": images.exposures}
-    require_all_names({**named, "point": ties.points}, root.source.wrong)
-    place = _place_of(files, root, images.T_w_c.r, gps, crs)
-    listed = [file for file in map(files.maybe, CONTROL) if file is not None]
-    marks, control, lost = Measured(), None, dict[str, int]()
-    if listed and place is None:
-        others = (f"{listed[0].name}: the reconstruction has no place on the Earth", *others)
-    elif listed and place is not None:
-        marks, control, lost = _marks(listed[0], images, sizes, place.frame)
-        taken = (f"{file.name}: {listed[0].name} is taken" for file in listed[1:])
-        others = (*taken, *others)
-        if {*marks.points, *control.names}.intersection(ties.points):
-            ties = replace(ties, points=tuple(f"track {name}" for name in ties.points))
-    proofs = [Proof(whose="the program's own points", measured=ties)]
-    if place is not None:
-        whose, T_m_c = "control points, by the adjusted orientations,", place.in_frame(images.T_w_c)
-        proofs.append(Proof(whose=whose, measured=marks, T_w_c=T_m_c))
-    is_placed = place is not None and (control is not None or orientations == "adjusted")
-    lost["measured positions: without attitudes they are no trajectory"] = int(
-        np.isfinite(gps).all(axis=1).sum()
-    )
-    return Project(
-        source="OpenSfM",
-        sources=files.read.values(),
-        lenses=lenses,
-        images=images,
-        measured=joined(marks, ties),
-        proofs=tuple(proofs),
-        control=control,
-        settings=place.settings if place is not None and is_placed else {},
-        in_grid=_in_grid(root, place),
-        lost=lost,
-        assumed=(*ASSUMED, *(place.said if place is not None and is_placed else ())),
-        left_out=others,
-    )
-
-
-def read(
-    source: Annotated[Path, Source],
-    *,
-    block: BlockOfProject = None,
-    crs: CrsOfProject = None,
-    orientations: Orientations = "initial",
-    pixel_um: PixelUmOfProject = None,
-    allow: Allow = WORST_PX,
-) -> ImportedFlight:
     """Read a project of OpenSfM, ODM or WebODM: cameras, images, tracks, rigs, control.
 
     SOURCE is the folder with reconstruction.json and tracks.csv, the folder of an ODM project, or
-    one file reconstruction.json, camera_models.json or cameras.json. Where a reconstruction by ODM
-    has the axes of UTM, the measured positions tell.
+    one file reconstruction.json. Where a reconstruction by ODM has the axes of UTM, the measured
+    positions tell.
 
     Examples
     --------
@@ -183,30 +87,50 @@ def read(
     Raises
     ------
     FlightError
-        As `project` and `flight_of`.
+        For files that are not those of OpenSfM, or a reconstruction without what is asked for.
     """
-    return flight_of(
-        project(source, orientations=orientations, crs=crs),
-        orientations=orientations,
-        block=block,
-        pixel_um=pixel_um,
-        allow=allow,
-    )
-
-
-def _cameras_alone(files: _Files) -> Project:
-    """Return the cameras of a project in which nothing is oriented yet."""
-    node = files.tree(*CAMERAS)
-    if node is None:
-        path = str(files.folder / TRACKS)
-        wanted = f"needs {RECONSTRUCTION} beside it, which names the cameras of the images"
-        raise safe.refusal(path, 1, "file", "alone", wanted)
+    files = _files_of(source)
+    root, others = _reconstruction(files)
+    images, models, gps = _images(root)
+    lenses = _lenses(files, root, models)
+    sizes = np.array([(lenses[name].width_px, lenses[name].height_px) for name in images.cameras])
+    ties = _ties(files, root, images, sizes)
+    named = {"image": images.names, "camera": images.cameras, "exposure": images.exposures}
+    for kind, names in {**named, "point": ties.points}.items():
+        project.require_names(names, partial(root.source.wrong, kind))
+    place = _place_of(files, root, images.T_w_c.r, gps, crs)
+    listed = [file for file in map(files.maybe, CONTROL) if file is not None]
+    marks, control, lost = Measured(), None, dict[str, int]()
+    proofs = [Proof(whose="the program's own points", measured=ties)]
+    if listed and place is None:
+        others = (f"{listed[0].name}: the reconstruction has no place on the Earth", *others)
+    elif listed and place is not None:
+        marks, control, lost = _marks(listed[0], images, sizes, place.frame)
+        others = (*(f"{file.name}: {listed[0].name} is taken" for file in listed[1:]), *others)
+        if {*marks.points, *control.names}.intersection(ties.points):
+            ties = replace(ties, points=tuple(f"track {name}" for name in ties.points))
+        whose, T_m_c = "control points, by the adjusted orientations,", place.in_frame(images.T_w_c)
+        proofs.append(Proof(whose=whose, measured=marks, T_w_c=T_m_c))
+    is_placed = place is not None and (control is not None or orientations == "adjusted")
+    n_known = int(np.isfinite(gps).all(axis=1).sum())
     return Project(
-        source="OpenSfM's cameras",
+        source="OpenSfM",
         sources=files.read.values(),
-        lenses={name: _lens(camera) for name, camera in node.items()},
-        assumed=ASSUMED[:1],
+        lenses=lenses,
+        images=images,
+        measured=project.joined(marks, ties),
+        proofs=tuple(proofs),
+        control=control,
+        settings=place.settings if place is not None and is_placed else {},
+        orientations=orientations,
+        in_grid=_in_grid(root, place),
+        lost={**lost, "measured positions: without attitudes they are no trajectory": n_known},
+        assumed=(*ASSUMED, *(place.said if place is not None and is_placed else ())),
+        left_out=others,
     )
+
+
+read = project.reader(read_project)
 
 
 def _lenses(files: _Files, root: Node, models: dict[str, str]) -> dict[str, Lens]:
@@ -214,19 +138,19 @@ def _lenses(files: _Files, root: Node, models: dict[str, str]) -> dict[str, Lens
     mounts = root.maybe("rig_cameras") or files.tree("rig_cameras.json")
     lenses: dict[str, Lens] = {}
     for head, model in models.items():
-        lens = lenses[head] = _lens(root.one("cameras").one(model))
+        lenses[head] = _lens(root.one("cameras").one(model))
         if mounts is not None and (mount := mounts.maybe(head)) is not None:
             T_r_v = _pose(mount).inverse
-            T_r_h = Pose(R=turned(T_r_v.R), r=T_r_v.r @ FLIP)
-            lenses[head] = replace(lens, mount=T_r_h)
+            T_r_h = Pose(R=coordinates.turned(T_r_v.R), r=T_r_v.r @ FLIP)
+            lenses[head] = replace(lenses[head], mount=T_r_h)
     return lenses
 
 
-def _in_grid(root: Node, place: _Place | None) -> InGrid:
+def _in_grid(root: Node, place: _Place | None) -> project.InGrid:
     if place is None:
         fault = "has no measured position: the adjusted orientations are nowhere on the Earth"
         expected = "must have gps_position, with reference_lla"
-        return nowhere(root.one("shots").wrong(fault, expected))
+        return root.one("shots").wrong(fault, expected)
     return lambda T: place.frame.pose_to_grid(place.in_frame(T))
 
 
@@ -286,33 +210,25 @@ class _Files:
 def _files_of(source: Path) -> _Files:
     """Return the files at a path: a folder, an ODM project's folder, or one file."""
     if not source.is_dir():
-        value = safe.json_tree(safe.read(source)).value
-        is_cameras = isinstance(value, dict) and "shots" not in value
-        kind = CAMERAS[0] if is_cameras else RECONSTRUCTION
-        absent = dict.fromkeys((RECONSTRUCTION, TRACKS, *CAMERAS), "\0")
-        return _Files(folder=source.parent, names={**absent, kind: source.name})
+        return _Files(folder=source.parent, names={RECONSTRUCTION: source.name, TRACKS: "\0"})
     for folder in (source, source / OPENSFM):
-        if any((folder / name).exists() for name in (RECONSTRUCTION, TRACKS, *CAMERAS)):
+        if (folder / RECONSTRUCTION).exists():
             return _Files(folder=folder)
-    wanted = f"must hold {RECONSTRUCTION}, {TRACKS} or {CAMERAS[0]}, as OpenSfM writes them"
+    wanted = f"must hold {RECONSTRUCTION}, as OpenSfM writes it"
     raise safe.refusal(str(source), 1, "folder", "has no file of OpenSfM", wanted)
 
 
-def _reconstruction(files: _Files) -> tuple[Node | None, tuple[str, ...]]:
+def _reconstruction(files: _Files) -> tuple[Node, tuple[str, ...]]:
     """Return the reconstruction with the most shots, and a sentence on the others."""
-    tree = files.tree(RECONSTRUCTION)
-    if tree is None or isinstance(tree.value, dict):
-        return tree, ()
-    parts = list(tree.each())
+    tree = safe.json_tree(safe.read(files.folder / files.names.get(RECONSTRUCTION, RECONSTRUCTION)))
+    files.read[tree.source.name] = tree.source
+    parts = [tree] if isinstance(tree.value, dict) else [*tree.each()]
     if not parts:
         raise tree.wrong("has no reconstruction", "must have one at least")
-    sizes = [len(list(part.one("shots").items())) for part in parts]
+    sizes = [len([*part.one("shots").items()]) for part in parts]
     best = int(np.argmax(sizes))
-    others = sum(sizes) - sizes[best]
-    remark = (
-        f"{len(parts) - 1} more reconstructions with {others} shots: each has a frame of its own"
-    )
-    return parts[best], (remark,) if len(parts) > 1 else ()
+    others = f"{len(parts) - 1} more reconstructions with {sum(sizes) - sizes[best]} shots"
+    return parts[best], (f"{others}: each has a frame of its own",) if len(parts) > 1 else ()
 
 
 # shots and cameras
@@ -338,7 +254,7 @@ def _images(root: Node) -> tuple[Images, dict[str, str], Array]:
     gps = np.full((len(shots), 3), np.nan)
     for k, shot in enumerate(shots.values()):
         position, dop = shot.maybe("gps_position"), shot.maybe("gps_dop")
-        if position is not None and (dop is None or dop.number() < 999_999):
+        if position is not None and (dop is None or dop.number() < NO_POSITION_DOP):
             gps[k] = position.numbers(3, allowed=METRES)
     T_w_v = stacked([_pose(shot) for shot in shots.values()]).inverse
     images = Images(
@@ -357,30 +273,25 @@ def _pose(node: Node) -> Pose:
 
 
 def _lens(node: Node) -> Lens:
-    """Return a camera of reconstruction.json, camera_models.json or cameras.json."""
+    """Return a camera of reconstruction.json."""
     place = node.maybe("projection_type")
     kind = "perspective" if place is None else place.text()
-    if kind not in MODELS:
-        raise (place or node).wrong(quoted(kind), f"must be one of {', '.join(MODELS)}")
+    if kind not in lens.OPENSFM:
+        raise (place or node).wrong(quoted(kind), f"must be one of {', '.join(lens.OPENSFM)}")
     width, height = (int(node.one(key).number(RANGES[f"{key}_px"])) for key in ("width", "height"))
     longer, two = max(width, height), kind in ANISOTROPIC
     focal = ("focal_x", "focal_y") if two else ("focal", "focal")
     fx, fy = (node.one(key).number(FOCAL) for key in focal)
     cx, cy = (_number(node, key) if two else 0.0 for key in ("c_x", "c_y"))
-    formula = MODELS[kind]
-    return Lens(
-        width_px=width,
-        height_px=height,
-        hole=Pinhole(
-            fx=fx * longer,
-            fy=fy * longer,
-            cx=cx * longer + (width - 1) / 2,
-            cy=cy * longer + (height - 1) / 2,
-        ),
-        distortion=formula.distortion([_number(node, name) for name in formula.names]),
-        is_fisheye=formula.is_fisheye,
-        wrong=node.wrong,
+    formula = lens.OPENSFM[kind]
+    hole = Pinhole(
+        fx=fx * longer,
+        fy=fy * longer,
+        cx=cx * longer + (width - 1) / 2,
+        cy=cy * longer + (height - 1) / 2,
     )
+    coefficients = [_number(node, name) for name in formula.names]
+    return formula.lens(coefficients, hole, (width, height), node.wrong)
 
 
 def _number(node: Node, name: str) -> float:
@@ -435,23 +346,12 @@ def _place_of(
     )
     zone, offset = _zone_and_offset(files, lon, lat)
     try:
-        utm, flight_frame = (
-            MappingFrame(
-                grid=GridSystem(crs=code, heights="ellipsoidal"), origin=np.array([lon, lat])
-            )
-            for code in (zone, crs or zone)
-        )
+        grids = [GridSystem(crs=code, heights="ellipsoidal") for code in (zone, crs or zone)]
+        utm, flown = (MappingFrame(grid=one, origin=np.array([lon, lat])) for one in grids)
     except ValueError as error:
         raise FlightError([f"--crs:1: crs: {error}; must be projected and in metres"]) from None
-    place = _Place(
-        frame=flight_frame,
-        altitude=altitude,
-        offset=offset,
-        said=(
-            f"positions are of WGS 84, in {flight_frame.grid.crs}; "
-            "altitudes are taken as ellipsoidal",
-        ),
-    )
+    said = f"positions are of WGS 84, in {flown.grid.crs}; altitudes are taken as ellipsoidal"
+    place = _Place(frame=flown, altitude=altitude, offset=offset, said=(said,))
     known = np.isfinite(gps).all(axis=1)
     xy, gps = centres[known, :2], gps[known]
     grid = utm.to_grid(gps + np.array([0.0, 0.0, altitude]))[:, :2] - offset
@@ -499,8 +399,7 @@ def _marks(
     if is_json:
         places, marks = _of_json(safe.json_tree(file), frame.grid)
     else:
-        listed = _list(file, frame.grid.crs)
-        places, marks = listed.places, listed.seen
+        places, marks, _ = _list(file, frame.grid.crs)
     row_of = {name: row for row, name in enumerate(images.names)}
     used = [(row_of[image], name, at) for image, name, at in marks if image in row_of]
     enh = np.array([*places.values()]).reshape(-1, 3)
@@ -530,16 +429,14 @@ def _of_json(node: Node, grid: GridSystem) -> tuple[dict[str, Array], list[Seen]
     for point in node.one("points").each():
         name = point.one("id").text()
         if (place := point.maybe("position")) is not None:
-            lonlat = np.array(
-                [place.one("longitude").number(LON), place.one("latitude").number(LAT)]
-            )
+            lon, lat = place.one("longitude").number(LON), place.one("latitude").number(LAT)
             height = place.maybe("altitude")
             h = np.nan if height is None else height.number(HEIGHT)
-            places[name] = np.append(grid.grid_from_lonlat(lonlat[None])[0], h)
+            places[name] = np.append(grid.grid_from_lonlat(np.array([[lon, lat]]))[0], h)
         for observation in point.one("observations").each():
             if (seen := observation.maybe("projection")) is not None:
-                xy = np.array([seen.one(k).number(NORMALISED) for k in (0, 1)])
-                marks.append((observation.one("shot_id").text(), name, xy))
+                image, xy = observation.one("shot_id").text(), seen.numbers(2, NORMALISED)
+                marks.append((image, name, xy))
     return places, marks
 
 
@@ -553,24 +450,15 @@ UTM = re.compile(r"WGS\s?84\s+UTM\s+(\d{1,2})\s*([NS]?)", re.ASCII | re.I)
 _EXPECTED = "must be WGS84 UTM 17N, EPSG:n, WGS84, or a PROJ string"
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _List:
-    """Measurements, in pixels, and places in the flight's system, NaN without a height."""
-
-    seen: list[Seen]
-    places: dict[str, Array]
-    system: Chosen
-
-
-def read_control(
-    source: Annotated[Path, Source],
+def control(
+    source: Annotated[Path, options.Source],
     *,
-    block: BlockOfProject = None,
-    crs: CrsOfProject = None,
+    crs: options.CrsOfProject = None,
     camera: Annotated[
-        str | None, Option("NAME", "Camera of all pictures: then images.csv is written, too.")
+        str | None,
+        options.Option("NAME", "Camera of all pictures: then images.csv is written, too."),
     ] = None,
-) -> ImportedFlight:
+) -> Project:
     """Read ODM's gcp_list.txt: surveyed points and their places in the pictures.
 
     The first line is the CRS; a height NaN makes a tie point of a point. Longitudes and latitudes
@@ -584,31 +472,12 @@ def read_control(
     Raises
     ------
     FlightError
-        As `control` and `flight_of`.
-    """
-    return flight_of(control(source, crs=crs, camera=camera), block=block or "calibration")
-
-
-def control(source: Path, *, crs: str | None = None, camera: str | None = None) -> Project:
-    """Return the points of gcp_list.txt and their measurements.
-
-    Parameters
-    ----------
-    source : Path
-    crs : str, optional
-        Of the flight; by default the file's own, or the UTM zone for longitudes and latitudes.
-    camera : str, optional
-        Name of the camera of all images: then there are images, too.
-
-    Raises
-    ------
-    FlightError
         For another layout, or one name for two points.
     """
     file = safe.read(source)
-    listed = _list(file, crs)
-    control, flat = _with_heights(listed.places)
-    images, image_idx = first_use([image for image, _, _ in listed.seen])
+    places, seen, system = _list(file, crs)
+    control, flat = _with_heights(places)
+    images, image_idx = project.first_use([image for image, _, _ in seen])
     return Project(
         source="ODM's control points",
         sources=[file],
@@ -619,20 +488,23 @@ def control(source: Path, *, crs: str | None = None, camera: str | None = None) 
             T_w_c=stacked([UNKNOWN] * len(images)),
         ),
         measured=Measured.of(
-            [(k, name, at) for k, (_, name, at) in zip(image_idx, listed.seen, strict=True)]
+            [(k, name, at) for k, (_, name, at) in zip(image_idx, seen, strict=True)]
         ),
         control=control,
-        settings=listed.system.settings,
+        settings=system.settings,
         lost={f"points without a height: {', '.join(flat[:5])}": len(flat)},
         assumed=(
-            *listed.system.assumed,
+            *system.assumed,
             "pixel 0, 0 is the centre of the top-left one, rows grow down",
         ),
     )
 
 
-def _list(file: Opened, crs: str | None) -> _List:
-    """Return the points of a list, in the flight's system."""
+read_control = project.reader(control, ("block",))
+
+
+def _list(file: Opened, crs: str | None) -> tuple[dict[str, Array], list[Seen], Chosen]:
+    """Return places in the flight's system, NaN without a height, measurements, and the system."""
     rows = [*safe.lines(file, comment="#")]
     if len(rows) < 2:
         raise file.wrong("file", "has no point after the CRS", "must have one at least")
@@ -646,8 +518,7 @@ def _list(file: Opened, crs: str | None) -> _List:
         raise rows[0].wrong("CRS", f"{quoted(text)}: {error}", _EXPECTED) from None
     if system is None:
         raise rows[0].wrong("CRS", quoted(text), _EXPECTED)
-    places = dict(zip(names.values(), enh, strict=True))
-    return _List(seen=seen, places=places, system=system)
+    return dict(zip(names.values(), enh, strict=True)), seen, system
 
 
 def crs_of(text: str) -> str:
@@ -674,7 +545,7 @@ def _points(rows: Sequence[Line]) -> tuple[dict[tuple[float, ...], str], list[Se
         colrow = row.numbers(3, 5, "col, row", RANGES["col_px"])
         given = row.cells[6] if len(row) > 6 else ""
         key = (row.cell(5, "image"), names.setdefault(xyz, given or f"GCP{len(names) + 1}"))
-        require_names(key, naming(partial(row.wrong, "name")))
+        project.require_names(key, partial(row.wrong, "name"))
         if given not in ("", key[1]):
             fault = f"{quoted(given)} has the coordinates of {quoted(key[1])}"
             raise row.wrong("name", fault, "must be one name for one point")

@@ -13,9 +13,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -25,21 +23,18 @@ from acx4files.exchange import safe
 from acx4files.exchange.coordinates import UNKNOWN, stacked
 from acx4files.exchange.flight_folder import ImportedFlight
 from acx4files.exchange.options import BlockOfProject, Option, PixelUm, Source
-from acx4files.exchange.project import (
-    Control,
-    Images,
-    Measured,
-    Project,
-    first_use,
-    flight_of,
-    naming,
-    require_names,
-)
+from acx4files.exchange.project import Control, Images, Measured, Project, first_use, flight_of
 from acx4files.exchange.safe import Line, Opened
-from acx4files.flight.problems import METRES, Range, quoted
+from acx4files.flight.problems import METRES, Range, lines_of, quoted
+from acx4files.flight.table_files import checked
+from acx4files.flight.tables import Schema, Table
 from acx4lib.errors import FlightError
 
-IMAGE = Range(-1e7, 1e7)
+LISTED = Schema(
+    required=(),
+    keys=(("image", "point"),),
+    ranges=dict.fromkeys(("x", "y"), Range(-1e7, 1e7)),
+)
 """Image coordinates, in micrometres or larger units."""
 
 END = "-99"
@@ -79,9 +74,20 @@ def read_bingo(
     Raises
     ------
     FlightError
-        As `bingo` and `flight_of`, and for a size that is none.
+        For another layout, and for a size that is none.
     """
-    return flight_of(bingo(source, size=_width_height(size), pixel_um=pixel_um), block=block)
+    path = source / "image.dat" if source.is_dir() else source
+    file, beside = safe.read(path), path.parent / "geoin.dat"
+    others: dict[str, Any] = {"sources": [file], "assumed": BINGO}
+    if beside.exists():
+        geoin = safe.read(beside)
+        control, unread = _control(geoin)
+        shown = ", ".join(f"{count} {quoted(name)}" for name, count in unread.most_common(5))
+        others["lost"] = {f"other lines of geoin.dat: {shown}": sum(unread.values())}
+        if control is not None:
+            others |= {"sources": [file, geoin], "assumed": (*BINGO, UNTRIED), "control": control}
+    project = _project(_read(file), size, pixel_um, um=1000.0, source="BINGO", **others)
+    return flight_of(project, block=block)
 
 
 def read_patb(
@@ -105,161 +111,62 @@ def read_patb(
     FlightError
         For another layout, and for a size that is none.
     """
-    size_px = _width_height(size)
-    return flight_of(_patb(source, unit=unit, size=size_px, pixel_um=pixel_um), block=block)
-
-
-def _width_height(text: str) -> tuple[int, int]:
-    """Return width and height, px, of a text such as 4000x3000."""
-    match = re.fullmatch(r"0*([1-9]\d{0,5})[x×]0*([1-9]\d{0,5})", text.strip(), re.ASCII | re.I)
-    if match is None:
-        says = "must be width x height in pixels, such as 4000x3000"
-        raise FlightError([f"--size {text}: {says}"])
-    return int(match[1]), int(match[2])
-
-
-def bingo(source: Path, *, size: tuple[int, int], pixel_um: float) -> Project:
-    """Return BINGO's image.dat, and geoin.dat beside it.
-
-    Parameters
-    ----------
-    source : Path
-        The list of image coordinates, whatever its name is, or the folder with image.dat.
-    size : tuple of int
-        Width and height of the images, px.
-    pixel_um : float
-
-    Raises
-    ------
-    FlightError
-        For another layout.
-    """
-    path = source / "image.dat" if source.is_dir() else source
-    file = safe.read(path)
-    points = _read(file)
-    beside = path.parent / "geoin.dat"
-    control, others, sources = None, Counter[str](), [file]
-    if beside.exists():
-        geoin = safe.read(beside)
-        control, others = _control(geoin)
-        sources += [geoin] if control is not None else []
-    shown = ", ".join(f"{count} {quoted(name)}" for name, count in others.most_common(5))
-    return _project(
-        points,
-        size=size,
-        pixel_um=pixel_um,
-        pixels_per_unit=1000 / pixel_um,
-        source="BINGO",
-        sources=sources,
-        control=control,
-        lost={f"other lines of geoin.dat: {shown}": sum(others.values())},
-        assumed=BINGO if control is None else (*BINGO, UNTRIED),
-    )
-
-
-def _patb(source: Path, *, unit: str, size: tuple[int, int], pixel_um: float) -> Project:
-    """Return PAT-B's image coordinates."""
     file = safe.read(source)
     if source.suffix.lower() in NOT_READ:
         fault = f"{source.suffix} of PAT-B is not read: its layout is not known for certain"
         raise file.wrong("file", fault, "must be the image coordinates, .im")
-    left_out = tuple(
-        f"{path.name}: not read"
-        for path in sorted(source.parent.glob(f"{source.stem}.*"))
-        if path.suffix.lower() in NOT_READ
-    )
     sentences = (
         f"x and y are in {unit} from the middle of the image, x right, y up; all images have one "
         "camera; what follows them on a line is no part of them",
         "the layout is untried on a file that PAT-B wrote",
     )
-    return _project(
-        _read(file, camera=CAMERA),
-        size=size,
-        pixel_um=pixel_um,
-        pixels_per_unit=UM[unit] / pixel_um,
-        source="PAT-B",
-        sources=[file],
-        assumed=sentences,
-        left_out=left_out,
-    )
+    points, about = _read(file, camera=CAMERA), {"sources": [file], "assumed": sentences}
+    project = _project(points, size, pixel_um, um=UM[unit], source="PAT-B", **about)
+    return flight_of(project, block=block)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Seen:
-    """A measured point; `xy` is in the list's unit, from the middle of the image, y up."""
-
-    line: Line
-    image: str
-    camera: str
-    point: str
-    xy: tuple[float, float]
-
-
-def _read(file: Opened, camera: str = "") -> list[_Seen]:
+def _read(file: Opened, camera: str = "") -> Table:
     """Return all measurements of a list; a camera is that of all images, else the header's."""
-    points: list[_Seen] = []
-    before: set[tuple[str, str]] = set()
-    for header, rows in _blocks(file):
-        image = header.cell(0, "image")
-        camera_name = camera or (header.cells[1] if len(header) > 1 else CAMERA)
-        for row in rows:
-            point = row.cell(0, "point")
-            if (image, point) in before:
-                fault = f"{quoted(point)} stands twice in image {quoted(image)}"
-                raise row.wrong("point", fault, "must stand once")
-            before.add((image, point))
-            xy = (row.number_at(1, "x", IMAGE), row.number_at(2, "y", IMAGE))
-            points.append(_Seen(line=row, image=image, camera=camera_name, point=point, xy=xy))
-    if not points:
+    pairs = list(_measurements(file))
+    if not pairs:
         raise file.wrong("file", "has no measurement", "must have blocks: image camera; point x y")
-    return points
+    cells = {
+        "image": [header.cells[0] for header, _ in pairs],
+        "camera": [camera or (*header.cells, CAMERA)[1] for header, _ in pairs],
+    }
+    for k, name in enumerate(("point", "x", "y")):
+        cells[name] = [row.cell(k, name) for _, row in pairs]
+    lines = np.array([row.number for _, row in pairs])
+    table = checked(Table(file=file.file, lines=lines), cells, LISTED)
+    if table.problems:
+        raise FlightError(lines_of(table.problems))
+    return table
 
 
-def _blocks(file: Opened) -> Iterator[tuple[Line, list[Line]]]:
-    """Yield the header and the points of every image."""
+def _measurements(file: Opened) -> Iterator[tuple[Line, Line]]:
+    """Yield every point with the header of its image."""
     rows = list(safe.lines(file, comment="#"))
-    ends = any(row.cells[0] == END for row in rows)
+    has_ends = any(row.cells[0] == END for row in rows)
     header: Line | None = None
-    points: list[Line] = []
     for row in rows:
         if row.cells[0] == END:
-            if header is None:
-                raise row.wrong("block", f"{END} without a header", "must be image, then points")
-            yield header, points
-            header, points = None, []
-        elif header is None:
+            header = None
+        elif header is None or (not has_ends and len(row) == 2):
             header = row
-        elif not ends and len(row) == 2:
-            yield header, points
-            header, points = row, []
         else:
-            points.append(row)
-    if header is not None:
-        yield header, points
+            yield header, row
 
 
-def _project(
-    points: Sequence[_Seen],
-    *,
-    size: tuple[int, int],
-    pixel_um: float,
-    pixels_per_unit: float,
-    **others: Any,
-) -> Project:
-    """Return a list as a project, with other fields of it."""
-    cameras: dict[str, str] = {}
-    for point in points:
-        named = (point.image, point.camera, point.point)
-        require_names(named, naming(partial(point.line.wrong, "name")))
-        if cameras.setdefault(point.image, point.camera) != point.camera:
-            two = f"{quoted(cameras[point.image])} and {quoted(point.camera)}"
-            fault = f"image {quoted(point.image)} has the cameras {two}"
-            raise point.line.wrong("camera", fault, "must be one")
-    xy = np.array([point.xy for point in points]) * [pixels_per_unit, -pixels_per_unit]
-    width, height = size
-    middle = np.array([width - 1, height - 1]) / 2
-    names, image_idx = first_use([point.image for point in points])
+def _project(points: Table, size: str, pixel_um: float, *, um: float, **others: Any) -> Project:
+    """Return a list as a project; `um` is the unit of its coordinates."""
+    match = re.fullmatch(r"0*([1-9]\d{0,5})[x×]0*([1-9]\d{0,5})", size.strip(), re.ASCII | re.I)
+    if match is None:
+        raise FlightError([f"--size {size}: must be width x height in pixels, such as 4000x3000"])
+    width, height = int(match[1]), int(match[2])
+    xy = points.stack("x", "y") * (um / pixel_um)
+    colrow = xy * [1, -1] + np.array([width - 1, height - 1]) / 2
+    cameras = dict(zip(points.text["image"], points.text["camera"], strict=True))
+    names, image_idx = first_use(points.text["image"])
     right, down = np.abs(xy).max(axis=0)
     return Project(
         sensors={
@@ -272,9 +179,7 @@ def _project(
             exposures=tuple(names),
             T_w_c=stacked([UNKNOWN] * len(names)),
         ),
-        measured=Measured.of(
-            list(zip(image_idx, (point.point for point in points), xy + middle, strict=True))
-        ),
+        measured=Measured.of(list(zip(image_idx, points.text["point"], colrow, strict=True))),
         found=(
             f"the outermost measurement is {right:.0f} px, {down:.0f} px from the middle of "
             f"{width} x {height} px",
@@ -285,21 +190,12 @@ def _project(
 
 def _control(file: Opened) -> tuple[Control | None, Counter[str]]:
     """Return the points of geoin.dat, and the keywords of lines that are not read."""
-    rows: dict[str, tuple[list[float], bool]] = {}
-    others: Counter[str] = Counter()
-    for line in safe.lines(file):
-        keyword = line.cells[0]
-        if keyword in ("*", "C"):  # remarks
-            continue
-        if keyword not in ROLES:
-            others[keyword] += 1
-            continue
-        name = line.cell(1, "point")
-        if name in rows:
-            raise line.wrong("point", f"{quoted(name)} stands twice", "must stand once")
-        enh = line.numbers(2, 5, "east, north, height", METRES).tolist()
-        rows[name] = (enh, ROLES[keyword] == "check")
-    if not rows:
+    lines = [line for line in safe.lines(file) if line.cells[0] not in ("*", "C")]  # remarks
+    points = [line for line in lines if line.cells[0] in ROLES]
+    others = Counter(line.cells[0] for line in lines if line.cells[0] not in ROLES)
+    if not points:
         return None, others
-    enh, is_check = zip(*rows.values(), strict=True)
-    return Control(names=tuple(rows), enh=np.array(enh), is_check=is_check), others
+    enh = np.array([line.numbers(2, 5, "east, north, height", METRES) for line in points])
+    names = tuple(line.cells[1] for line in points)
+    is_check = tuple(ROLES[line.cells[0]] == "check" for line in points)
+    return Control(names=names, enh=enh, is_check=is_check), others

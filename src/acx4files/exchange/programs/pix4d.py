@@ -16,30 +16,11 @@ from typing import Annotated
 
 import numpy as np
 
-from acx4files.exchange import coordinates, safe
-from acx4files.exchange.coordinates import FLIP, Chosen, is_rotation, nearest_rotation
-from acx4files.exchange.flight_folder import ImportedFlight, number_of
-from acx4files.exchange.lens import OPENCV, WORST_PX, Lens, Pinhole
-from acx4files.exchange.options import (
-    Allow,
-    AsAdjusted,
-    BlockOfProject,
-    CrsOfProject,
-    HeightsOfFlight,
-    Source,
-)
-from acx4files.exchange.project import (
-    Images,
-    InGrid,
-    Measured,
-    Project,
-    Proof,
-    as_they_are,
-    flight_of,
-    nowhere,
-    numbered,
-    require_all_names,
-)
+from acx4files.exchange import coordinates, lens, options, project, safe
+from acx4files.exchange.coordinates import FLIP, Chosen
+from acx4files.exchange.flight_folder import number_of
+from acx4files.exchange.lens import Lens, Pinhole
+from acx4files.exchange.project import Images, Measured, Project, Proof
 from acx4files.exchange.safe import Line, Opened, refusal, told
 from acx4files.flight.problems import METRES, PIXELS, RANGES, Range, quoted
 from acx4lib.errors import FlightError
@@ -64,8 +45,6 @@ HEAD = (
 )
 """First lines of the parameters; those of a fisheye are others."""
 
-EXTERNAL_HEAD = ("imageName", "X", "Y", "Z", "Omega", "Phi", "Kappa")
-
 HALF = 0.5
 """The middle of the top-left pixel has the coordinates 0.5, 0.5."""
 
@@ -88,7 +67,7 @@ ASSUMED = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Shot:
-    """An image: the line of its name, K, coefficients, position without the offset, R_v_w."""
+    """An image: its first line, K, coefficients, position without the offset, R_v_w."""
 
     line: Line
     name: str
@@ -99,80 +78,18 @@ class _Shot:
     R: Array
 
     @property
-    def lens(self) -> tuple[float, ...]:
+    def camera(self) -> tuple[float, ...]:
         """Numbers of the lens; images with equal ones are of one camera."""
         return (*self.size, *self.K.ravel().tolist(), *self.coefficients)
 
 
-def project(source: Path, *, crs: str | None = None, heights: str | float | None = None) -> Project:
-    """Return the folder params, or the one in a project's folder.
-
-    Parameters
-    ----------
-    source : Path
-        ``params``, a project's folder with ``1_initial/params``, or one of its files.
-    crs : str, optional
-        Of the flight; by default that of ``*_wkt.prj``.
-    heights : str or float, optional
-        As the key of flight.toml; by default those of that file.
-
-    Raises
-    ------
-    FlightError
-        For files that are not Pix4D's, of a fisheye, or of different projects.
-    """
-    files = _files(source)
-    parameters = files[PARAMETERS]
-    shots = _shots(parameters)
-    names = tuple(shot.name for shot in shots)
-    require_all_names({"image": names}, parameters.wrong)
-    offset = _offset(files[OFFSET]) if OFFSET in files else None
-    T_w_c = Pose(
-        R=np.stack([shot.R.T @ FLIP for shot in shots]),
-        r=np.stack([shot.t for shot in shots]) + (np.zeros(3) if offset is None else offset),
-    )
-    called = numbered(shot.lens for shot in shots)
-    first = {shot.lens: shot for shot in reversed(shots)}
-    wide_mm = _sensor_mm(files[INTERNAL]) if INTERNAL in files and len(called) == 1 else 0.0
-    lenses = {name: _lens(parameters, first[lens], wide_mm) for lens, name in called.items()}
-    cameras = tuple(called[shot.lens] for shot in shots)
-    compared, shown = [], Measured()
-    if EXTERNAL in files:
-        compared.append(_compared(files[EXTERNAL], shots, T_w_c, placed=offset is not None))
-    if MATRICES in files:
-        sentence, shown = _matrices(
-            files[MATRICES], shots, [lenses[camera] for camera in cameras], T_w_c
-        )
-        compared += [sentence] if shown.points else []
-    system_file = files.get(SYSTEM)
-    text = "" if system_file is None else system_file.text().strip()
-    with told(partial((system_file or parameters).wrong, "crs"), "must be what a flight can have"):
-        system = coordinates.chosen(text, None, crs)
-    if system is not None and heights is not None:
-        system = replace(system, heights=heights)
-    return Project(
-        source="Pix4Dmapper",
-        sources=files.values(),
-        lenses=lenses,
-        images=Images(names=names, cameras=cameras, exposures=names, T_w_c=T_w_c),
-        settings={} if system is None else system.settings,
-        in_grid=_in_grid(parameters, system, placed=offset is not None),
-        assumed=(*ASSUMED, *(system.assumed if system else ())),
-        found=tuple(compared),
-        proofs=(Proof(whose="places in all images, by Pix4D's own matrices,", measured=shown),),
-        left_out=("tie points: acx4 import bingo reads *_tp_bingo.txt of the same folder",),
-    )
-
-
-def read(
-    source: Annotated[Path, Source],
+def read_project(
+    source: Annotated[Path, options.Source],
     *,
-    block: BlockOfProject = None,
-    crs: CrsOfProject = None,
-    heights: HeightsOfFlight = None,
-    orientations: AsAdjusted = "adjusted",
-    allow: Allow = WORST_PX,
-) -> ImportedFlight:
+    crs: options.CrsOfProject = None,
+    heights: options.HeightsOfFlight = None,
+    orientations: options.AsAdjusted = "adjusted",
+) -> Project:
     """Read the folder params of Pix4Dmapper: lenses, and the adjusted orientations.
 
     SOURCE is that folder (1_initial/params), or the project's folder. From its files
@@ -188,10 +105,52 @@ def read(
     Raises
     ------
     FlightError
-        As `project` and `flight_of`.
+        For files that are not Pix4D's, of a fisheye, or of different projects.
     """
-    found = project(source, crs=crs, heights=heights)
-    return flight_of(found, orientations=orientations, block=block, allow=allow)
+    files = _files(source)
+    parameters = files[PARAMETERS]
+    offset: Array = np.zeros(3)
+    shots = _shots(parameters)
+    names = tuple(shot.name for shot in shots)
+    project.require_names(names, partial(parameters.wrong, "image"))
+    if OFFSET in files:
+        blank = Line(file=files[OFFSET].file, number=1, cells=())
+        offset = next(safe.lines(files[OFFSET]), blank).numbers(0, 3, "offset", METRES)
+    T_w_c = Pose(
+        R=np.stack([shot.R.T @ FLIP for shot in shots]),
+        r=np.stack([shot.t for shot in shots]) + offset,
+    )
+    called = project.numbered(shot.camera for shot in shots)
+    cameras = tuple(called[shot.camera] for shot in shots)
+    lenses = {called[shot.camera]: _lens(parameters, shot) for shot in reversed(shots)}
+    if INTERNAL in files and len(called) == 1:
+        lenses = {name: _with_pixel(one, files[INTERNAL]) for name, one in lenses.items()}
+    compared, shown = [], Measured()
+    if EXTERNAL in files:
+        compared.append(_compared(files[EXTERNAL], shots, T_w_c, placed=OFFSET in files))
+    if MATRICES in files:
+        of_images = [lenses[camera] for camera in cameras]
+        sentence, shown = _matrices(files[MATRICES], shots, of_images, offset)
+        compared += [sentence] if shown.points else []
+    system = _system(files, crs)
+    if system is not None and heights is not None:
+        system = replace(system, heights=heights)
+    return Project(
+        source="Pix4Dmapper",
+        sources=files.values(),
+        lenses={name: lenses[name] for name in called.values()},
+        images=Images(names=names, cameras=cameras, exposures=names, T_w_c=T_w_c),
+        settings={} if system is None else system.settings,
+        orientations=orientations,
+        in_grid=_in_grid(parameters, system, placed=OFFSET in files),
+        assumed=(*ASSUMED, *(system.assumed if system else ())),
+        found=tuple(compared),
+        proofs=(Proof(whose="places in all images, by Pix4D's own matrices,", measured=shown),),
+        left_out=("tie points: acx4 import bingo reads *_tp_bingo.txt of the same folder",),
+    )
+
+
+read = project.reader(read_project, ("block", "allow"))
 
 
 def _files(source: Path) -> dict[str, Opened]:
@@ -211,6 +170,14 @@ def _files(source: Path) -> dict[str, Opened]:
         expected = f"must hold *_{PARAMETERS} of Pix4D"
         raise refusal(str(folder), 1, "folder", f"has no *_{PARAMETERS}", expected)
     return files
+
+
+def _system(files: dict[str, Opened], crs: str | None) -> Chosen | None:
+    said = files.get(SYSTEM)
+    text = "" if said is None else said.text().strip()
+    where = partial((said or files[PARAMETERS]).wrong, "crs")
+    with told(where, "must be what a flight can have"):
+        return coordinates.chosen(text, None, crs)
 
 
 # images
@@ -240,53 +207,39 @@ def _shot(rows: list[Line]) -> _Shot:
         fault = f"{len(rows)} lines, the first of {len(first)} cells"
         expected = "must be ten, the first with name, width, height; is the file cut off?"
         raise first.wrong("image", fault, expected)
-    width, height = (int(first.number_at(n + k, "size", PIXELS)) for k in (0, 1))
     K = np.array([row.numbers(0, 3, "K", METRES) for row in rows[1:4]])
     for k in (0, 1):
         rows[1 + k].number_at(k, "focal length", FOCAL)
     if K[1, 0] or K[2].tolist() != [0.0, 0.0, 1.0]:
         raise rows[2].wrong("K", "is no camera matrix", "must be fx s cx; 0 fy cy; 0 0 1")
     R = np.array([row.numbers(0, 3, "R", ENTRY) for row in rows[7:10]])
-    if not is_rotation(R):
+    if not coordinates.is_rotation(R):
         raise rows[7].wrong("R", "three rows are no rotation", "must be one")
     k1, k2, k3 = rows[4].numbers(0, 3, "radial distortion", COEFFICIENT).tolist()
     p1, p2 = rows[5].numbers(0, 2, "tangential distortion", COEFFICIENT).tolist()
     return _Shot(
         line=first,
         name=" ".join(first.cells[:n]),
-        size=(width, height),
+        size=(int(first.number_at(n, "size", PIXELS)), int(first.number_at(n + 1, "size", PIXELS))),
         K=K,
         coefficients=(k1, k2, p1, p2, k3),
         t=rows[6].numbers(0, 3, "position", METRES),
-        R=nearest_rotation(R),
+        R=coordinates.nearest_rotation(R),
     )
 
 
-def _offset(source: Opened) -> Array:
-    """Return what is to be added to positions, shape (3,)."""
-    row = next(safe.lines(source), None)
-    if row is None:
-        raise source.wrong("offset", "is missing", "must be three numbers")
-    return row.numbers(0, 3, "offset", METRES)
-
-
-def _lens(source: Opened, shot: _Shot, wide_mm: float) -> Lens:
+def _lens(source: Opened, shot: _Shot) -> Lens:
     (fx, skew, cx), (_, fy, cy) = shot.K[:2].tolist()
-    pixel_um = 1000 * wide_mm / shot.size[0]
-    return Lens(
-        width_px=shot.size[0],
-        height_px=shot.size[1],
-        hole=Pinhole(fx=fx, fy=fy, cx=cx - HALF, cy=cy - HALF, skew=skew),
-        distortion=OPENCV.distortion(shot.coefficients),
-        pixel_um=pixel_um if pixel_um in RANGES["pixel_um"] else 0.0,
-        wrong=partial(source.wrong, "camera", line=shot.line.number),
-    )
+    hole = Pinhole(fx=fx, fy=fy, cx=cx - HALF, cy=cy - HALF, skew=skew)
+    wrong = partial(source.wrong, "camera", line=shot.line.number)
+    return lens.OPENCV.lens(shot.coefficients, hole, shot.size, wrong)
 
 
-def _sensor_mm(internal: Opened) -> float:
-    """Return the width of the sensor by the .cam, mm; 0 where it is not there."""
+def _with_pixel(one: Lens, internal: Opened) -> Lens:
+    """Return a lens with the pixel size by the sensor's width in the .cam, where it is there."""
     match = re.search(r"sensor width of (\d{1,6}(?:\.\d{0,40})?)x", internal.text())
-    return float(match[1]) if match else 0.0
+    pixel_um = 1000 * float(match[1]) / one.width_px if match else 0.0
+    return replace(one, pixel_um=pixel_um) if pixel_um in RANGES["pixel_um"] else one
 
 
 # what the other files say
@@ -294,10 +247,7 @@ def _sensor_mm(internal: Opened) -> float:
 
 def _compared(source: Opened, shots: list[_Shot], T_w_c: Pose, *, placed: bool) -> str:
     """Compare positions and omega, phi, kappa with the parameters; return a sentence on it."""
-    rows = list(safe.lines(source))
-    if not rows or rows[0].cells != EXTERNAL_HEAD:
-        raise source.wrong("head", "is another", f"must be {' '.join(EXTERNAL_HEAD)}")
-    by_name = {" ".join(row.cells[:-6]): row for row in rows[1:]}
+    by_name = {" ".join(row.cells[:-6]): row for row in safe.lines(source)}
     worst = np.zeros(2)
     for k, shot in enumerate(shots):
         if (row := by_name.get(shot.name)) is None:
@@ -317,7 +267,7 @@ def _compared(source: Opened, shots: list[_Shot], T_w_c: Pose, *, placed: bool) 
 
 
 def _matrices(
-    source: Opened, shots: list[_Shot], lenses: list[Lens], T_w_c: Pose
+    source: Opened, shots: list[_Shot], lenses: list[Lens], offset: Array
 ) -> tuple[str, Measured]:
     """Compare matrices with K [R | -R t] by places in the rays of pixels all over each image.
 
@@ -346,7 +296,7 @@ def _matrices(
         ideal = np.linalg.solve(shot.K, np.column_stack([by_matrix, np.ones(len(x_w))]).T)[:2].T
         names = [f"{k} {j}" for j in range(len(x_w))]
         seen += zip([k] * len(names), names, lenses[k].colrow(ideal), strict=True)
-        places |= zip(names, x_w + T_w_c.r[k] - shot.t, strict=True)
+        places |= zip(names, x_w + offset, strict=True)
     agrees = f"are K [R | -R t], to {worst:.2g} px in the images"
     return f"{number_of(count, 'matrices')} of *_{MATRICES} {agrees}", Measured.of(seen, places)
 
@@ -354,17 +304,17 @@ def _matrices(
 # where it is
 
 
-def _in_grid(parameters: Opened, system: Chosen | None, *, placed: bool) -> InGrid:
+def _in_grid(parameters: Opened, system: Chosen | None, *, placed: bool) -> project.InGrid:
     def lacks(fault: str, cure: str) -> FlightError:
         expected = f"{cure}, or --orientations none"
         return parameters.wrong("crs", f"adjusted orientations: {fault}", expected)
 
     if system is None:
-        return nowhere(lacks(f"no *_{SYSTEM} says the CRS", "give it by --crs"))
+        return lacks(f"no *_{SYSTEM} says the CRS", "give it by --crs")
     if not placed:
-        return nowhere(lacks(f"*_{OFFSET} is not there", "must be beside it"))
+        return lacks(f"*_{OFFSET} is not there", "must be beside it")
     if system.crs == LOCAL:
-        return as_they_are
+        return project.as_they_are
 
     def in_grid(T: Pose) -> tuple[Array, Array]:
         with told(lacks, "must be what a flight can have"):

@@ -99,6 +99,9 @@ THOUSANDS = re.compile(r"[-+]?\d{1,3},\d{3}")
 """Numbers with a decimal comma, and those of which it may also set thousands apart."""
 
 WEEKS = Range(0, 100_000, "must be the GPS week, a whole number", whole=True)
+MARKS = {";": "semicolons", "\t": "tabs", ",": "commas"}
+"""What may separate cells."""
+
 CURE = "declare them by --columns, in their order"
 
 
@@ -145,6 +148,8 @@ class Listed:
     heading_line : int
     n_before, n_beyond : int
         Lines before the heading that are not blank; cells of a row after the declared ones.
+    between : str
+        What separates its cells.
     declared : bool
         Whether the columns are declared, and not those of the heading.
     commas : bool
@@ -159,6 +164,7 @@ class Listed:
     heading_line: int = 1
     n_before: int = 0
     n_beyond: int = 0
+    between: str = "blanks"
     declared: bool = False
     commas: bool = False
 
@@ -177,17 +183,12 @@ class Listed:
 
     @property
     def said(self) -> str:
-        """Which columns it has, and by what."""
+        """Which columns it has, and by what; how it is written."""
         by = "declaration" if self.declared else "its heading"
-        return f"The columns, by {by}, are: {' '.join(column.name for column in self.columns)}"
-
-    @property
-    def text_said(self) -> tuple[str, ...]:
-        """Sentences on the encoding of the text, and on its decimal commas."""
-        return (
-            *(["The text is in Windows-1252: it is not UTF-8."] if self.source.encoding else []),
-            *(["Its numbers have decimal commas."] if self.commas else []),
-        )
+        names = " ".join(column.name for column in self.columns)
+        encoding = " The text is in Windows-1252: it is not UTF-8." * bool(self.source.encoding)
+        commas = " Its numbers have decimal commas." * self.commas
+        return f"The columns, by {by}, between {self.between}, are: {names}.{encoding}{commas}"
 
     def left_out(self, what: str, known: Mapping[str, str] = KNOWN) -> tuple[str, ...]:
         """Return sentences on unread lines and columns; `what` is the noun for those read."""
@@ -316,6 +317,7 @@ def read_list(
         heading_line=heading.number if heading else 1,
         n_before=sum(bool(line.strip()) for line in source.text().split("\n")[:before]),
         n_beyond=n_beyond,
+        between=MARKS.get(separator or "", "blanks"),
         declared=bool(columns),
         commas=commas,
     )
@@ -395,7 +397,7 @@ def _separator(source: Opened, before: int) -> str | None:
     text = (line for line in source.text().split("\n")[before:] if line.strip())
     first = list(islice((line for line in text if not line.lstrip().startswith("#")), 2))
     bare = [re.sub(r"\"[^\"]*\"", "", line) for line in first]
-    return next((mark for mark in (";", "\t", ",") if all(mark in line for line in bare)), None)
+    return next((mark for mark in MARKS if all(mark in line for line in bare)), None)
 
 
 def _is_heading(line: Line, numeric: Sequence[int]) -> bool:

@@ -6,7 +6,7 @@ A text has declared columns or a heading that names them; that of Applanix has i
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -219,30 +219,48 @@ def settings(meaning: Meaning) -> dict[str, Any]:
 
 def grid_file(meaning: Meaning) -> dict[str, Path]:
     """Return the file of a geoid grid by its name in the flight; none where heights name none."""
-    heights = meaning.heights
-    if not isinstance(heights, str) or heights == "ellipsoidal" or not Path(heights).is_file():
-        return {}
-    return {Path(heights).name: Path(heights)}
+    path = Path(str(meaning.heights))
+    return {path.name: path} if path.is_file() else {}
 
 
 def heights_said(meaning: Meaning) -> str:
     """Return the sentence on heights."""
-    heights = meaning.heights
     system = "ellipsoidal"
-    if heights != "ellipsoidal":
-        named = (
-            f"by {Path(heights).name}"
-            if isinstance(heights, str)
-            else f"by an undulation of {heights:g} m"
-        )
-        there = "ellipsoidal there, and {} in the flight" if meaning.ellipsoidal else "{}"
-        system = there.format(named)
-    ground = (
-        ""
-        if meaning.ground_m is None
-        else f"; above {meaning.ground_m:g} m they carry the scale of the map, which is taken out"
+    if meaning.heights != "ellipsoidal":
+        by = "by an undulation of {:g} m" if isinstance(meaning.heights, float | int) else "by {}"
+        system = by.format(next(iter(grid_file(meaning)), meaning.heights))
+        system = f"ellipsoidal there, and {system} in the flight" if meaning.ellipsoidal else system
+    if meaning.ground_m is not None:
+        ground = f"above {meaning.ground_m:g} m"
+        system += f"; {ground} they carry the scale of the map, which is taken out"
+    return f"Heights are {system}."
+
+
+def part_of_flight(
+    meaning: Meaning,
+    block: str,
+    trajectory: Mapping[str, Any],
+    images: Mapping[str, Any],
+    **others: Any,
+) -> ImportedFlight:
+    """Return a trajectory, and images if they have cameras, as a part of a flight.
+
+    Parameters
+    ----------
+    meaning : Meaning
+    block : str
+    trajectory, images : mapping of str to sequence
+        Columns of the tables; the images have no names but those of their exposures.
+    others
+        Other fields of `ImportedFlight`.
+    """
+    tables = {f"{block}/trajectory.csv": dict(trajectory)}
+    if "camera" in images:
+        names = {"image": trajectory["exposure"], "camera": [], "exposure": trajectory["exposure"]}
+        tables[f"{block}/images.csv"] = names | dict(images)
+    return ImportedFlight(
+        settings=settings(meaning), tables=tables, pictures=grid_file(meaning), **others
     )
-    return f"Heights are {system}{ground}."
 
 
 # --- A text with a row for each image: its position and attitude, in declared columns
@@ -316,23 +334,19 @@ def read(  # noqa: PLR0913 options of a command
         raise listed.undeclared(f"are {', '.join(c.name for c in listed.columns)}", expected)
     text_of, n = listed.table.text, len(listed.table)
     names = text_of.get("image") or text_of.get("exposure")
-    exposures = list(names or map(str, range(1, n + 1)))
-    trajectory = {"exposure": exposures, **_trajectory(listed, meaning, forms[0])}
-    tables: dict[str, Any] = {f"{block}/trajectory.csv": trajectory}
-    if camera or listed.has("camera"):
-        cameras = [camera] * n if camera else list(text_of["camera"])
-        images = {"image": exposures, "camera": cameras, "exposure": exposures}
-        strips = {"strip": list(text_of["strip"])} if listed.has("strip") else {}
-        tables[f"{block}/images.csv"] = images | strips
-    return ImportedFlight(
+    images = {name: list(text_of[name]) for name in ("camera", "strip") if name in text_of}
+    return part_of_flight(
+        meaning,
+        block,
+        {
+            "exposure": list(names or map(str, range(1, n + 1))),
+            **_trajectory(listed, meaning, forms[0]),
+        },
+        images | ({"camera": [camera] * n} if camera else {}),
         source=origin,
         sha256=safe.checksums([text]),
-        settings=settings(meaning),
-        tables=tables,
-        pictures=grid_file(meaning),
         assumed=(
-            f"{listed.said}; x counts east, y north{'' if names else '; exposures are numbered'}.",
-            *listed.text_said,
+            f"{listed.said} {_axes_said(listed)}{'' if names else '; exposures are numbered'}.",
             *_attitudes_said(listed, meaning, forms[0], whose),
             heights_said(meaning),
         ),
@@ -341,33 +355,32 @@ def read(  # noqa: PLR0913 options of a command
     )
 
 
+def _axes_said(listed: Listed) -> str:
+    datum = "; latitude and longitude are of the datum of the flight's CRS"
+    return f"x counts east, y north{datum if listed.has(*LONLAT) else ''}"
+
+
 def _attitudes_said(
     listed: Listed, meaning: Meaning, angles: Sequence[str], of: str
 ) -> tuple[str, str]:
     """Return sentences on the attitudes, and on the body whose they are."""
     units = ", ".join(sorted({c.unit for c in listed.columns if c.name in angles}))
-    north = meaning.north_of(angles)
+    attitude = "Roll, pitch, heading in {}: forward-right-down against north-east-down; the heading"
     if angles == OPK:
-        pok = "Ry(phi) Rx(omega) Rz(kappa)"
-        order = "Rx(omega) Ry(phi) Rz(kappa)" if meaning.order == "opk" else pok
+        first = "Rx(omega) Ry(phi)" if meaning.order == "opk" else "Ry(phi) Rx(omega)"
         attitude = (
-            f"Omega, phi, kappa in {units}: R = {order} takes the axes of the {of} (x, y, up) to "
-            f"east, north, up; kappa is against {north} north."
+            f"Omega, phi, kappa in {{}}: R = {first} Rz(kappa) takes the axes of the {of} "
+            "(x, y, up) to east, north, up; kappa"
         )
-    else:
-        attitude = (
-            f"Roll, pitch, heading in {units}: forward-right-down against north-east-down; the "
-            f"heading is from {north} north."
+    verb = "is against" if angles == OPK else "is from"
+    body = "Positions and attitudes are those of the IMU: no boresight, no lever arm is applied."
+    if of == "camera":
+        body = (
+            "Positions and attitudes are those of the camera, with another program's boresight and "
+            "lever arm: the camera stands in the place of the IMU, and what is then estimated as "
+            "boresight is a correction to that program's."
         )
-    if of == "imu":
-        return attitude, (
-            "Positions and attitudes are those of the IMU: no boresight, no lever arm is applied."
-        )
-    return attitude, (
-        "Positions and attitudes are those of the camera, with another program's boresight and "
-        "lever arm: the camera stands in the place of the IMU, and what is then estimated as "
-        "boresight is a correction to that program's."
-    )
+    return f"{attitude.format(units)} {verb} {meaning.north_of(angles)} north.", body
 
 
 def _found(listed: Listed, meaning: Meaning, angles: Sequence[str]) -> list[str]:
@@ -567,7 +580,7 @@ def measured(
         sha256=safe.checksums([listed.source for listed in every]),
         tables=tables,
         assumed=(
-            *dict.fromkeys(" ".join([f"{one.said}.", *one.text_said]) for one in every),
+            *dict.fromkeys(one.said for one in every),
             "Columns count to the right and rows down, in pixels; the middle of the first pixel is "
             f"{first}, {first}.",
         ),
@@ -632,7 +645,7 @@ def surveyed(
         tables={"control_points.csv": table},
         pictures=grid_file(meaning),
         assumed=(
-            " ".join([f"{listed.said}.", *listed.text_said, "x counts east, y north."]),
+            f"{listed.said} {_axes_said(listed)}.",
             heights_said(meaning),
         ),
         found=(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -30,10 +30,10 @@ SLACK_S = 2.0
 LARGEST_GAP_S = 0.1
 """Largest interval between two records that is interpolated, unless all are longer."""
 
-UTC = ("utc-sow", "iso-8601", "iso-8601-utc")
-"""Clocks of events that count UTC; the others count GPS time."""
-
+NO_SMRMSG = "No SMRMSG was given: the standard deviations are those of [apriori]."
 WEEK_SOW, ISO = "gps-week-sow", "iso-8601"
+UTC = ("utc-sow", ISO)
+"""Clocks of events that count UTC; the others count GPS time."""
 
 
 def read(  # noqa: PLR0913 options of a command
@@ -41,7 +41,7 @@ def read(  # noqa: PLR0913 options of a command
     *,
     events: Annotated[Path, Option("FILE", "Names and times of exposures.")],
     time: Annotated[
-        Literal["gps-sow", "utc-sow", "gps-week-sow", "iso-8601", "iso-8601-utc", "iso-8601-gps"],
+        Literal["gps-sow", "utc-sow", "gps-week-sow", "iso-8601"],
         Option("", "Clock of the events."),
     ],
     smrmsg: Annotated[Path | None, Option("FILE", "Standard deviations (SMRMSG).")] = None,
@@ -108,37 +108,25 @@ def read(  # noqa: PLR0913 options of a command
         f"Velocities, turned by the wander angle, and changes of position differ by {off:.3f} m/s "
         f"(median over the events) at {speed:.2f} m/s.",
     )
-    deviations = "No SMRMSG was given: the standard deviations are those of [apriori]."
     if spread is not None:
-        deviations = "Standard deviations of velocities; correlations are not in the SMRMSG."
         found += (
             f"Standard deviations from {len(spread.time)} records of the SMRMSG, linear between "
             "them; of angles in arc minutes there.",
         )
         for name, sigma in zip((*SIGMA_POSITION, *SIGMA_ATTITUDE), spread.sigma.T, strict=True):
             table[name] = np.round(np.interp(t, spread.time, sigma), 7)
-    straight = (
-        f"Velocities: they differ from the changes of position by {off:.2f} m/s; positions are on "
-        "straight lines between records."
-    )
-    tables = {f"{block}/trajectory.csv": table}
-    if camera:
-        images = {"image": names, "camera": [camera] * len(t), "exposure": names}
-        tables[f"{block}/images.csv"] = images
     shift = f", and GPS time is {leap_seconds:g} s ahead of UTC" if is_utc else ""
-    return ImportedFlight(
+    return orientations.part_of_flight(
+        meaning,
+        block,
+        table,
+        {"camera": [camera] * len(t)} if camera else {},
         source="SBET at events",
         sha256=safe.checksums([track.source, listed.source, *([spread.source] if spread else [])]),
-        settings=orientations.settings(meaning),
-        tables=tables,
-        pictures=orientations.grid_file(meaning),
         assumed=(
             "The trajectory counts seconds of the week in GPS time; the times of the events are "
             f"{time}{shift}; they are placed in the nearest week.",
-            "The columns of the list of events are: "
-            f"{' '.join(column.name for column in listed.columns)}"
-            f"{'; its first line is a heading' if listed.heading else ''}.",
-            *listed.text_said,
+            listed.said,
             "True heading is platform heading minus wander angle; roll, pitch and heading are "
             "forward-right-down against north-east-down.",
             "Positions are those of the point to which the SBET refers, taken for the IMU; "
@@ -148,8 +136,8 @@ def read(  # noqa: PLR0913 options of a command
         found=found,
         left_out=(
             "Accelerations and rates of turn of the SBET: attitudes turn evenly between records.",
-            *([] if is_faithful else [straight]),
-            deviations,
+            *([] if is_faithful else ["Velocities: positions are on straight lines instead."]),
+            *([] if spread else [NO_SMRMSG]),
         ),
     )
 
@@ -194,16 +182,18 @@ _OF_SMRMSG = "time north east down v_north v_east v_down roll pitch heading"
 SMRMSG = np.dtype([(name, "<f8") for name in _OF_SMRMSG.split()])
 """Of one record: s of week, m, m/s, arc minutes."""
 
-LIMITS = {
+OF_TRACK = {
     "time": (0.0, 2e6),
     "lat": (-np.pi / 2, np.pi / 2),
     "lon": (-2 * np.pi, 2 * np.pi),
     "height": (-12_000.0, 100_000.0),
     **dict.fromkeys(("roll", "pitch", "heading", "wander"), (-10.0, 10.0)),
 }
-"""Least and largest values of an SBET."""
-
-POSITIVE = ("north", "east", "down", "roll", "pitch", "heading")
+OF_DEVIATIONS = {
+    "time": (0.0, 2e6),
+    **dict.fromkeys(("north", "east", "down", "roll", "pitch", "heading"), (1e-9, 1e6)),
+}
+"""Least and largest values."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -270,11 +260,8 @@ def read_track(source: Opened) -> Track:
     FlightError
         Where it is cut off, or a record has values that no trajectory has; the record is named.
     """
-    record = records(source, SBET)
-    for name, (low, high) in LIMITS.items():
-        values = record[name]
-        _refuse(source, name, values, ~((values >= low) & (values <= high)), f"{low:g} to {high:g}")
-    return Track(source=source, time=_increasing(source, record), record=record)
+    record, time = _records(source, SBET, OF_TRACK)
+    return Track(source=source, time=time, record=record)
 
 
 def read_deviations(source: Opened) -> Deviations:
@@ -285,30 +272,34 @@ def read_deviations(source: Opened) -> Deviations:
     FlightError
         As `read_track` does.
     """
-    record = records(source, SMRMSG)
-    for name in POSITIVE:
-        values = record[name]
-        _refuse(source, name, values, ~((values > 0) & (values < 1e6)), "a positive number")
+    record, time = _records(source, SMRMSG, OF_DEVIATIONS)
     metres = [record[name] for name in ("east", "north", "down")]
     degrees = [record[name] / 60.0 for name in ("roll", "pitch", "heading")]
-    sigma = np.stack([*metres, *degrees], axis=-1)
-    return Deviations(source=source, time=_increasing(source, record), sigma=sigma)
+    return Deviations(source=source, time=time, sigma=np.stack([*metres, *degrees], axis=-1))
 
 
-def _increasing(source: Opened, record: NDArray[Any]) -> Array:
-    values = record["time"]
-    _refuse(source, "time", values, ~np.isfinite(values), "seconds of the week")
-    time = _continued(values)
-    _refuse(source, "time", values, np.diff(time, prepend=-np.inf) <= 0, "after that before")
-    return time
+def _records(
+    source: Opened, layout: np.dtype[Any], limits: Mapping[str, tuple[float, float]]
+) -> tuple[NDArray[Any], Array]:
+    """Return the records of a file, and their seconds, which count on through the end of a week.
 
-
-def _refuse(source: Opened, name: str, values: Array, bad: NDArray[Any], expected: str) -> None:
-    """Refuse the first record with a value that is wrong."""
-    wrong_rows = np.flatnonzero(bad)
-    if len(wrong_rows):
-        fault = f"record {wrong_rows[0] + 1} of {len(values)} has {values[wrong_rows[0]]!r}"
-        raise source.wrong(name, fault.replace("np.float64", ""), f"must be {expected}")
+    The first record is refused that lies outside the limits, or not after the one before.
+    """
+    record = records(source, layout)
+    seconds = record["time"]
+    falls = np.diff(seconds, prepend=seconds[:1]) < -WEEK_S / 2
+    time = seconds + WEEK_S * np.cumsum(falls)
+    faults = [
+        (name, ~((record[name] >= low) & (record[name] <= high)), f"{low:g} to {high:g}")
+        for name, (low, high) in limits.items()
+    ]
+    faults.append(("time", np.diff(time, prepend=-np.inf) <= 0, "after that before"))
+    for name, wrong, expected in faults:
+        if wrong.any():
+            k = int(np.argmax(wrong))
+            fault = f"record {k + 1} of {len(record)} has ({record[name][k]})"
+            raise source.wrong(name, fault, f"must be {expected}")
+    return record, time
 
 
 # --- Position and attitude between the records of a trajectory
@@ -384,12 +375,6 @@ FIRST_DAY = dt.datetime(1980, 1, 6, tzinfo=dt.UTC)
 """When GPS weeks began."""
 
 
-def _continued(times: Array) -> Array:
-    """Return seconds of the week that count on through the end of a week."""
-    falls = np.diff(times, prepend=times[:1]) < -WEEK_S / 2
-    return times + WEEK_S * np.cumsum(falls)
-
-
 def _on_clock(weeks: Array, seconds: Array, times: Array) -> Array:
     """Return the times of events on the clock of a trajectory, whose week no file says."""
     nearest = np.round((times[[0, -1]].mean() - seconds) / WEEK_S)
@@ -400,7 +385,7 @@ def _on_clock(weeks: Array, seconds: Array, times: Array) -> Array:
 
 def _events(source: Opened, columns: str, clock: str) -> tuple[Listed, Array, Array]:
     """Return the events of a text, and their GPS weeks, NaN where none is stated, and seconds."""
-    texts = (*TEXTS, "time") if clock.startswith(ISO) else TEXTS
+    texts = (*TEXTS, "time") if clock == ISO else TEXTS
     listed = read_list(source, columns, keys=[("exposure",), ("image",)], texts=texts)
     needed = ["time"] + ["week"] * (clock == WEEK_SOW)
     needed += [] if listed.has("exposure") else ["image"]
@@ -408,31 +393,22 @@ def _events(source: Opened, columns: str, clock: str) -> tuple[Listed, Array, Ar
     if listed.has("week") and clock != WEEK_SOW:
         expected = f"needs --time {WEEK_SOW}; or declare skip"
         raise source.wrong("columns", "'week' is there", expected)
-    if clock.startswith(ISO):
-        dates = [_of_date(listed, row, clock) for row in range(len(listed.table))]
-        weeks, seconds = np.array(dates, dtype=float).T
-        return listed, weeks, seconds
-    seconds = listed.table.numbers["time"]
+    cells, numbers = listed.cells["time"], listed.table.numbers
+    if clock == ISO:
+        weeks, seconds = np.array([_of_date(cell) for cell in cells]).T
+        expected = "must be a date with its time and zone, as 2026-05-02T10:15:30.25Z"
+    else:
+        seconds, expected = numbers["time"], "must be seconds of the week, 0 to 604800"
+        weeks = numbers.get("week", np.full(len(seconds), np.nan))
     wrong: Mask = ~((seconds >= 0) & (seconds <= WEEK_S + 86_400.0))
-    expected = "must be seconds of the week, 0 to 604800"
-    listed.refuse("time", wrong, [quoted(cell) for cell in listed.cells["time"]], expected)
-    return listed, listed.table.numbers.get("week", np.full(len(seconds), np.nan)), seconds
+    listed.refuse("time", wrong, [quoted(cell) for cell in cells], expected)
+    return listed, weeks, seconds
 
 
-def _of_date(listed: Listed, row: int, clock: str) -> tuple[float, float]:
-    """Return GPS week and seconds of the week of a date, on its own clock."""
-    cell = listed.cells["time"][row]
+def _of_date(cell: str) -> tuple[float, float]:
+    """Return the week and the seconds of a date with its zone, on its own clock; else NaN."""
     try:
-        date = dt.datetime.fromisoformat(cell)
-        expected = "must have no zone; or declare --time iso-8601"
-        if clock == ISO:
-            expected = "needs a zone, such as Z; or declare --time iso-8601-utc or iso-8601-gps"
-        is_wrong = (date.tzinfo is None) == (clock == ISO)
-    except ValueError:
-        is_wrong, expected = True, "must be a date with its time, as 2026-05-02T10:15:30.25Z"
-    if is_wrong:
-        problem = listed.table.problem(row, "time", quoted(cell), expected)
-        raise FlightError([str(problem)])
-    since = (date if date.tzinfo else date.replace(tzinfo=dt.UTC)) - FIRST_DAY
-    week, day = divmod(since.days, 7)
-    return float(week), 86_400.0 * day + since.seconds + 1e-6 * since.microseconds
+        weeks, rest = divmod(dt.datetime.fromisoformat(cell) - FIRST_DAY, dt.timedelta(weeks=1))
+    except (TypeError, ValueError):  # TypeError: it has no zone
+        return np.nan, np.nan
+    return float(weeks), rest.total_seconds()

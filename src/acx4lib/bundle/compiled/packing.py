@@ -22,7 +22,7 @@ MOST_PARTS = 4
 WIDE = 40_000
 """Pairs of images in the band above which only two parts are made: each part has its own sums."""
 
-DIRECTIONS = 12
+DIRECTIONS = 72
 """Lines across the block along which poses may be ordered."""
 
 DENSE_COLUMNS, DENSE_SHARE = 1500, 0.3
@@ -236,9 +236,10 @@ def _sort(
 def ordered(point: Index, pose: Index, positions: Array, also: Index) -> Index:
     """Return the poses in an order that keeps those close that share points.
 
-    Of the reverse Cuthill-McKee order and those along lines across the block, each in another
-    direction, it is the one of the smallest band. In a block of parallel strips that is mostly
-    the line along them: levels of Cuthill-McKee begin in a corner, and grow with its diagonal.
+    Of the orders along lines across the block, in directions counted from its longest extent, and
+    the reverse Cuthill-McKee order, it is the one of the smallest band. It depends neither on the
+    order in which the poses are given nor on the axes. In a block of parallel strips it is mostly
+    along a line: levels of Cuthill-McKee begin in a corner, and grow with its diagonal.
 
     Parameters
     ----------
@@ -251,23 +252,26 @@ def ordered(point: Index, pose: Index, positions: Array, also: Index) -> Index:
     """
     n_poses = len(positions)
     starts = np.append(0, np.cumsum(np.bincount(point)))
-    linked = np.zeros((n_poses, n_poses), dtype=np.bool_)
+    linked = np.eye(n_poses, dtype=np.bool_)
     _link(starts, pose[np.argsort(point, kind="stable")], linked)
-    linked[also[:, 0], also[:, 1]] = True
-    graph = scipy.sparse.csr_matrix(linked)
-    levels = scipy.sparse.csgraph.reverse_cuthill_mckee(graph, symmetric_mode=True)
+    linked[also[:, 0], also[:, 1]] = linked[also[:, 1], also[:, 0]] = True
+    graph = scipy.sparse.csr_array(linked)
+    plan = positions[:, :2] - positions[:, :2].mean(axis=0)
+    _, axes = np.linalg.eigh(plan.T @ plan)
     angles = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-    along = positions[:, :2] @ np.stack([np.cos(angles), np.sin(angles)])
-    orders = [levels.astype(np.int64), *np.argsort(along, axis=0, kind="stable").T]
-    a, b = graph.nonzero()
-    return min(orders, key=lambda order: _reach(order, a, b))
+    along = plan @ axes @ np.stack([np.cos(angles), np.sin(angles)])
+    orders = list(np.argsort(along, axis=0, kind="stable").T)
+    best = min(orders, key=lambda order: _band(order, graph))
+    levels = scipy.sparse.csgraph.reverse_cuthill_mckee(graph[best][:, best], symmetric_mode=True)
+    return min(best, best[levels], key=lambda order: _band(order, graph))
 
 
-def _reach(order: Index, a: Index, b: Index) -> int:
-    """Return the largest distance of linked poses in an order."""
+def _band(order: Index, graph: scipy.sparse.csr_array) -> tuple[int, float]:
+    """Return how far the poses reach in an order at most, and the sum of squares of all."""
     place = np.empty(len(order), dtype=np.int64)
     place[order] = np.arange(len(order))
-    return int(np.max(np.abs(place[a] - place[b]), initial=0))
+    ahead = np.maximum.reduceat(place[graph.indices], graph.indptr[:-1]) - place
+    return int(ahead.max()), float(ahead @ ahead)
 
 
 @uncounted

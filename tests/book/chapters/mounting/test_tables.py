@@ -15,13 +15,14 @@ from acx4lib.calibration.determination import (
 )
 from acx4lib.calibration.estimates import group_tests, undistorted
 from acx4lib.calibration.mounting import single_step
+from acx4lib.model import Model
 
 # --- what is determined together -------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
 def radial(noisy_block):
-    return single_step(noisy_block, free=("f", "xp", "yp", "k1", "k2", "k3"))
+    return single_step(noisy_block, Model(free=("f", "xp", "yp", "k1", "k2", "k3")))
 
 
 def test_correlations_are_those_of_the_covariance(mountings):
@@ -116,7 +117,9 @@ def variants(ideal, mountings):
         "without control": design.without_control(block),
         "grid": design.as_if_cartesian(block),
     }
-    found = {name: single_step(part, free=free, snooping=False) for name, part in changed.items()}
+    found = {
+        name: single_step(part, Model(free=free), snooping=False) for name, part in changed.items()
+    }
     return tables.variants({"as flown": single, **found})
 
 

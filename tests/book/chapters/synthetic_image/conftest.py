@@ -65,7 +65,6 @@ def fit():
         head_b=1,
         before=np.log1p([0.1, 0.2, 0.05]),
         after=np.log1p([0.006, 0.005, 0.004]),
-        floor=np.log1p([0.005, 0.004, 0.003]),
         n_used=np.full(3, 900),
         n_saturated=np.zeros(3, int),
         n_dark=np.zeros(3, int),

@@ -11,20 +11,18 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.reference import data
-from acx4files.exchange.lens import OPF, Left, Lens, Pinhole
-from acx4files.exchange.outward import brown, content, programs
+from acx4files.exchange.lens import Left
+from acx4files.exchange.outward import content, programs
 from acx4files.exchange.outward.content import (
     R_C_V,
-    Calibrated,
     Taken,
     orient,
     to_first,
 )
 from acx4files.exchange.outward.programs import KINDS
 from acx4files.flight.settings import camera_of
-from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import FlightError, OutputError
-from acx4lib.geometry.frames import Pose, exp, log, opk_from_rotation, rotation_from_opk
+from acx4lib.geometry.frames import Pose, exp, log
 from acx4lib.geometry.geodesy import GridSystem, mean_origin
 from support.helpers import needs
 from support.run_results import edit_summary, estimated, leave_calibration
@@ -32,7 +30,7 @@ from support.run_results import edit_summary, estimated, leave_calibration
 
 def test_a_calibration_comes_back_with_its_a_posteriori_covariance(rig):
     found, known = content.read(rig), estimated("LEFT", "RIGHT")
-    assert (found.method, found.mounted, found.others) == ("rig", True, ())
+    assert (found.method, found.others) == ("rig", ())
     for own, camera in zip(found.cameras, known.cameras, strict=True):
         assert_allclose(own.interior.to_array(), camera.interior.to_array(), rtol=1e-14)
         assert_allclose(own.T_b_c.R, camera.T_b_c.R, atol=1e-14)
@@ -44,56 +42,16 @@ def test_a_calibration_comes_back_with_its_a_posteriori_covariance(rig):
     )
 
 
-def related():
-    """Two heads in the axes of CAM, with different sigma of all angles."""
-    cov = np.zeros((32, 32))
-    cov[np.arange(30), np.arange(30)] = np.concatenate(
-        [np.tile([1e-6] * 3 + [1e-10, 2e-10, 3e-10], 2), np.tile([0.0, 1e-6, 1e-6] + [0.0] * 6, 2)]
-    )
-    return RelativeOrientation(
-        heads=estimated("LEFT", "RIGHT").cameras,
-        xyz_mm=np.zeros((2, 3)),
-        opk=np.radians([[-15.0, 1.0, 90.0], [15.0, -1.0, -90.0]]),
-        cov_joint=cov,
-        n_exposures=6,
-    )
-
-
-def test_heads_without_a_mounting_have_their_relative_rotation_with_sigma(tmp_path):
-    """The frame of the synthetic camera cancels; so does sigma of what the heads share."""
-    left = related()
-    found = content.read(leave_calibration(tmp_path, estimated("LEFT", "RIGHT"), related=left))
-    assert (found.method, found.mounted) == ("relative_orientation", False)
-    first, second = to_first(found.calibration)
-    R_s = rotation_from_opk(left.opk)
-    assert_allclose(second.T_r_h.R, R_s[0].T @ R_s[1], atol=1e-12)
-    assert np.all(first.cov == 0)
-    rotations = [np.linalg.inv(_opk_jacobian(opk)) for opk in left.opk]
-    own = [J @ np.diag([1e-10, 2e-10, 3e-10]) @ J.T for J in rotations]
-    R_h_r = second.T_r_h.R.T
-    assert_allclose(second.cov[3:, 3:], own[1] + R_h_r @ own[0] @ R_h_r.T, rtol=1e-9, atol=1e-20)
-
-
-def _opk_jacobian(opk):
-    """By differences: d(opk) / d(rotation about the camera's axes)."""
-    R, step = rotation_from_opk(opk), 1e-6
-    turned = [
-        (opk_from_rotation(R @ exp(d)) - opk_from_rotation(R @ exp(-d))) / (2 * step)
-        for d in step * np.eye(3)
-    ]
-    return np.stack(turned, axis=1)
-
-
 def test_what_is_not_there_is_one_line_that_says_what_is(rig, single, tmp_path):
     with pytest.raises(FlightError, match="no results of a run; acx4 run FLIGHT --results makes"):
         content.read(tmp_path)
-    with pytest.raises(FlightError, match="no calibration of refined that can be exported; it has"):
-        content.read(rig, method="refined")
+    with pytest.raises(FlightError, match=r"no calibration of single_step that can be .*; it has"):
+        content.read(rig, method="single_step")
     with pytest.raises(
         FlightError, match=r"no calibration of heads that can .*; it has single_step"
     ):
         content.read(single, heads=True)
-    with pytest.raises(FlightError, match=r"no calibration of single_step .*; it is of one camera"):
+    with pytest.raises(FlightError, match=r"no calibration of single_step .*; of heads are rig"):
         content.read(single, method="single_step", heads=True)
     with pytest.raises(ValueError, match="method: expected one of"):
         content.read(rig, method="best")
@@ -235,9 +193,6 @@ def test_what_cannot_be_oriented_is_one_line(rig, single):
         orient(found, found.flight, "validation")
     with pytest.raises(FlightError, match="images of CAM, not of LEFT, RIGHT; name another"):
         orient(found, found.flight, "calibration")
-    unmounted = replace(found, method="refined")
-    with pytest.raises(FlightError, match=r"refined has no boresight and no lever arm; .* rig"):
-        orient(unmounted, found.flight, "heads")
 
 
 # --- what is written, and what is refused ----------------------------------------------------
@@ -301,58 +256,3 @@ def test_a_synthetic_camera_keeps_its_frame(rig):
     named = replace(found, flight=replace(found.flight, synthetic=synthetic))
     assert programs.FRAME.format("LEFT") in KINDS["toml"].cameras(named).assumed
     assert not any("synthetic" in one for one in KINDS["toml"].cameras(found).assumed)
-
-
-# --- A lens that no calibration touched goes back to its program as it came ------------------
-
-
-LENSES = {
-    "as made by a factory": (-0.101, 0.144, -0.027, 1e-4, -4e-4),
-    "of which f, xp, yp are fitted": (-0.28, 0.11, -0.045, 2e-3, -1e-3),
-}
-
-
-def imported(coefficients, fy=1460.0):
-    """Return a camera as an import writes it, with ten digits, and its lens."""
-    lens = Lens(
-        width_px=1280,
-        height_px=960,
-        hole=Pinhole(fx=1460.0, fy=fy, cx=631.3, cy=497.2),
-        distortion=OPF.distortion(coefficients),
-        pixel_um=3.75,
-        wrong=lambda found, expected: FlightError([f"f:1: lens: {found}; {expected}"]),
-    )
-    camera = lens.refitted("CAM").camera
-    values = {key: float(f"{value:.10g}") for key, value in vars(camera.interior).items()}
-    return lens, camera.with_interior(replace(camera.interior, **values))
-
-
-def brown_calibrated(camera, *, touched):
-    """Return a calibration of a camera, with interior parameters that are estimated or not."""
-    calibration = replace(estimated("CAM"), cameras=(camera,))
-    if not touched:  # the last six columns are those of the mounting
-        layout = replace(
-            calibration.layout, interior=np.full((1, 10), -1), mount=np.arange(6)[None]
-        )
-        calibration = replace(
-            calibration,
-            layout=layout,
-            cov=calibration.cov[10:, 10:],
-            open_columns=calibration.open_columns[10:],
-        )
-    return Calibrated(flight=None, method="single_step", calibration=calibration)
-
-
-@pytest.mark.parametrize("name", LENSES)
-@pytest.mark.parametrize("way", [brown.of_all, brown.square])
-def test_an_untouched_lens_goes_back_as_it_came(name, way):
-    lens, camera = imported(LENSES[name])
-    one = way(brown_calibrated(camera, touched=False))["CAM"]
-    k1, k2, k3, p1, p2 = LENSES[name]
-    hole = lens.hole
-    found = [one.hole.fx, one.hole.fy, one.hole.cx, one.hole.cy]
-    assert_allclose(found, [hole.fx, hole.fy, hole.cx, hole.cy], atol=1e-4)
-    assert_allclose(
-        [one.k1, one.k2, one.k3, one.p1, one.p2], [k1, k2, k3, p1, p2], rtol=1e-4, atol=1e-7
-    )
-    assert one.left.returned

@@ -12,8 +12,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4files.exchange.metadata import Tags, lens_of
-from acx4files.exchange.opencv import from_opencv
-from acx4files.exchange.outward import brown, content, programs
+from acx4files.exchange.outward import content, programs
 from acx4files.exchange.outward.content import R_C_V
 from acx4files.exchange.outward.programs import KINDS
 from acx4files.exchange.programs import colmap
@@ -73,9 +72,7 @@ def projected(calibration, x_c, *, size=None):
     width, height = size or (
         int(calibration.find("resolution").get(k)) for k in ("width", "height")
     )
-    values = {
-        one.tag: float(one.text) for one in calibration if one.tag in programs.METASHAPE_PARAMS
-    }
+    values = {one.tag: float(one.text) for one in calibration if one.tag in PARAMS}
     k1, k2, k3, p1, p2 = (values[k] for k in ("k1", "k2", "k3", "p1", "p2"))
     x, y = (x_c[:, :2] / x_c[:, 2:]).T
     r2 = x**2 + y**2
@@ -86,6 +83,9 @@ def projected(calibration, x_c, *, size=None):
     u += yd * values.get("b2", 0.0)
     v = height * 0.5 + values["cy"] + yd * values["f"]
     return np.stack([u, v], axis=1) - 0.5
+
+
+PARAMS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "p1", "p2")
 
 
 def matrix(element, shape):
@@ -152,30 +152,6 @@ def ahead_of(shown, head, x_m):
     i = shown.oriented.names.index(shown.first_images()[head])
     T = shown.oriented.T_m_c[i]
     return (x_m - T.r) @ T.R * [1, -1, -1]
-
-
-def test_the_covariance_is_that_of_refitted_lenses(shown, chunk, rng):
-    """Of many interior orientations drawn with the calibration's covariance."""
-    sensor = next(chunk[0].iter("sensor"))
-    names = sensor.find("covariance/params").text.split()
-    cov = matrix(sensor.find("covariance/coeffs"), (len(names), len(names)))
-    calibration, camera = shown.found.calibration, shown.found.cameras[0]
-    own = calibration.layout.interior[0]
-    drawn = rng.multivariate_normal(
-        camera.interior.to_array(), calibration.cov[np.ix_(own, own)], size=400
-    )
-    fits = [brown.brown(camera.with_interior(type(camera.interior).from_array(d))) for d in drawn]
-    values = {
-        "f": [one.hole.fy for one in fits],
-        "cx": [one.hole.cx for one in fits],
-        "b1": [one.hole.fx - one.hole.fy for one in fits],
-        "b2": [one.hole.skew for one in fits],
-        "k1": [one.k1 for one in fits],
-        "p1": [one.p2 for one in fits],
-    }
-    for name, scatter in values.items():
-        k = names.index(name)
-        assert np.std(scatter) == pytest.approx(np.sqrt(cov[k, k]), rel=0.15)  # 4 sigma
 
 
 # --- micasense -------------------------------------------------------------------------------
@@ -306,23 +282,6 @@ def ahead(camera):
     half = 0.49 * camera.pixel_mm * np.array([camera.width_px, camera.height_px])
     x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(-h, h, 9) for h in half)))
     return 100 * np.column_stack([x, y, np.full(81, -camera.interior.f)]) / camera.interior.f
-
-
-def test_a_camera_comes_back_from_its_file(shown):
-    """To twice what the refit loses, and its digits."""
-    made = KINDS["opencv"].cameras(shown.found)
-    for camera in shown.found.cameras:
-        own = read(made.files[f"{camera.name}.yaml"])
-        size = {k: getattr(camera, k) for k in ("width_px", "height_px", "pixel_mm")}
-        back, _ = from_opencv(
-            own["camera_matrix"], own["distortion_coefficients"][0], name=camera.name, **size
-        )
-        colrow = shown.colrow[shown.first_images()[camera.name]]
-        rays = [
-            correct(c.interior, xy_from_colrow(c, colrow)) / c.interior.f for c in (camera, back)
-        ]
-        apart = np.linalg.norm(rays[0] - rays[1], axis=1).max() * camera.interior.f / 0.005
-        assert apart <= 2.1 * made.lenses[camera.name].largest_px + 1e-6
 
 
 # --- What is exported is read back by the importers: lenses, rigs, orientations, to rounding

@@ -210,20 +210,6 @@ def test_local_coordinates_may_be_those_of_a_crs(tmp_path):
     assert_allclose(turned, gamma, atol=1e-8)
 
 
-def test_adjusted_orientations_in_local_coordinates_are_the_maps(tmp_path):
-    path = metashape.write(tmp_path / "c.xml", wkt=LOCAL)
-    brought = reading.read(path, crs=scene.CRS, orientations="adjusted")
-    table = brought.tables["heads/trajectory.csv"]
-    text = path.read_text().split("<components>")[1]
-    R, r, scale, T = (
-        np.array(re.search(f"<{tag}>(.*?)</{tag}>", text)[1].split(), dtype=float)
-        for tag in ("rotation", "translation", "scale", "transform")
-    )
-    there = r + scale * R.reshape(3, 3) @ T.reshape(4, 4)[:3, 3]
-    ours = [table[name][0] for name in ("east_m", "north_m", "height_m")]
-    assert_allclose(ours, there, atol=1e-4)
-
-
 def with_references(path, old, new):
     """Change the attributes of the cameras' references."""
     text = path.read_text()

@@ -55,7 +55,7 @@ def test_a_distortion_takes_ideal_pixels_to_measured_ones(tmp_path, model):
     """Written out: x from the centre of distortion, r² = x² + y²."""
     calibration = projects_micmac.CALIBRATION.format(model=model)
     folder = projects_micmac.write(tmp_path / "m", **{"Ori-A/AutoCal_C.xml": calibration})
-    ideal = 1000 * micmac.project(folder).lenses["C"].ideal(COLROW) + [500, 400]
+    ideal = 1000 * micmac.read_project(folder).lenses["C"].ideal(COLROW) + [500, 400]
     x, y = (ideal - [510, 390]).T
     r2 = x * x + y * y
     p1, p2, b1 = (1e-6, -2e-6, 1e-4) if "P1" in model else (0, 0, 0)
@@ -65,7 +65,7 @@ def test_a_distortion_takes_ideal_pixels_to_measured_ones(tmp_path, model):
 
 
 def test_a_camera_that_looks_down_has_the_librarys_axes(folder):
-    pose = micmac.project(folder).images.T_w_c[0]
+    pose = micmac.read_project(folder).images.T_w_c[0]
     assert_allclose(pose.R, np.eye(3))
     assert_allclose(pose.r, [10, 20, 100])
 

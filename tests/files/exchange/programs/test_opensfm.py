@@ -42,7 +42,7 @@ def apart(found):
 
 
 def test_own_points_are_met_by_what_was_imported(tmp_path):
-    off = apart(reading.project(written.write(tmp_path / "p")))
+    off = apart(reading.read_project(written.write(tmp_path / "p")))
     assert len(off) == 20
     assert off.max() < 0.02  # px, what the refit of the lens leaves
 
@@ -98,8 +98,8 @@ def test_rigs_are_heads_with_their_places_in_the_rig(tmp_path):
 @needs("formats")
 def test_opensfm_and_colmap_agree_on_the_same_pictures():
     """Two adjustments of 11 pictures, one with a lens, the other without distortion."""
-    ours = reading.project(data.path(SAMPLE)).images
-    theirs = colmap.project(data.path(COLMAP).parent).images
+    ours = reading.read_project(data.path(SAMPLE)).images
+    theirs = colmap.read_project(data.path(COLMAP).parent).images
     T_u_c = theirs.T_w_c[[theirs.names.index(name) for name in ours.names]]
     R_u_w = T_u_c.R @ np.swapaxes(ours.T_w_c.R, -1, -2)
     mean = frames.mean_rotation(R_u_w)
@@ -117,7 +117,7 @@ def test_points_of_a_real_project_are_met_as_its_description_says(tmp_path):
     for name in ("reconstruction.json", "tracks.csv"):
         stem, _, ending = name.partition(".")
         (tmp_path / name).symlink_to(data.path(f"opensfm_berlin/{stem}_example.{ending}").resolve())
-    off = apart(reading.project(tmp_path)) / 3264
+    off = apart(reading.read_project(tmp_path)) / 3264
     assert len(off) == 3082
     # 2.5 % for the refit, which leaves 0.1 px rms
     assert_allclose(np.quantile(off, [0.5, 0.95]), [2.44e-4, 1.20e-3], rtol=0.025)
@@ -177,10 +177,12 @@ def test_a_list_of_odm_is_the_same_as_the_json(tmp_path):
 
 
 def test_the_middle_of_the_image_and_the_focal_length_are_in_pixels(tmp_path):
-    path = tmp_path / "cameras.json"
     size = {"width": 600, "height": 400}
     two = {"projection_type": "radial", "focal_x": 1, "focal_y": 2, "c_x": 0.01, "c_y": 0.1}
-    path.write_text(json.dumps({"a": {"focal": 0.9, **size}, "b": {**two, **size}}))
-    a, b = (one.hole for one in reading.project(path).lenses.values())
+    shots = {name: {"camera": name, "rotation": [0] * 3, "translation": [0] * 3} for name in "ab"}
+    whole = {"cameras": {"a": {"focal": 0.9, **size}, "b": {**two, **size}}, "shots": shots}
+    folder = written.write(tmp_path / "p", whole)
+    (folder / "tracks.csv").unlink()
+    a, b = (one.hole for one in reading.read_project(folder).lenses.values())
     assert (a.fx, a.cx, a.cy) == (540.0, 299.5, 199.5)
     assert (b.fx, b.fy, b.cx, b.cy) == (600.0, 1200.0, 305.5, 259.5)

@@ -6,7 +6,6 @@ import re
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from pyopf.pointcloud import GlTFPointCloud
 
 from acx4book.reference import data
 from acx4files.exchange.programs import opf as reading
@@ -116,18 +115,3 @@ def test_tie_points_are_brought_and_met(tmp_path):
     said = next(one for one in brought.found if one.startswith("the calibrated tie points"))
     assert float(re.search(r"to ([\d.e-]+) px rms", said)[1]) < 0.02
     assert "sparse.gltf" in brought.sha256
-
-
-def test_pix4d_s_library_reads_the_same(tmp_path):
-    path = opf.write_tracks(tmp_path)
-    (node,) = GlTFPointCloud.open(path).nodes
-    assert node.matches.point_index_ranges[3] == (24, 8)
-    assert [uid.int for uid in node.matches.camera_uids][:3] == [0, 1, 10]
-    first = scene.seen(opf.cameras_on_map()[0], *own(0))
-    assert_allclose(node.matches.image_points.pixelCoordinates[::8], first, atol=1e-4)
-
-
-def own(i):
-    """Return the centre of an exposure and the points."""
-    block = scene.scene()
-    return opf.centres(block)[i], block.points_enh

@@ -19,7 +19,7 @@ IDEAL = np.array([[0.0, 0.0], [0.4, -0.3], [-0.45, 0.35], [0.1, 0.2]])
 
 
 def test_a_lens_is_that_of_the_formulas(tmp_path):
-    lens = micmac.project(written_micmac.mmvii_write(tmp_path)).lenses["C"]
+    lens = micmac.read_project(written_micmac.mmvii_write(tmp_path)).lenses["C"]
     assert_allclose(lens.colrow(IDEAL), written_micmac.mmvii_seen(IDEAL), atol=1e-9)
     assert_allclose(lens.ideal(written_micmac.mmvii_seen(IDEAL)), IDEAL, atol=1e-9)
 
@@ -61,7 +61,7 @@ def folder(tmp_path):
 
 
 def test_points_are_where_opencv_sees_them(folder):
-    found = pix4d.project(folder)
+    found = pix4d.read_project(folder)
     lens, T = found.lenses["CAM"], found.images.T_w_c
     for k, (R, centre) in enumerate(zip(*written_pix4d.poses(), strict=True)):
         pixels = scene.seen(R.T, centre, POINTS_PIX4D) - 0.5
@@ -222,32 +222,28 @@ def test_control_points_are_read_and_said_to_be_untried(tmp_path):
 )
 def test_blocks_end_by_a_mark_or_by_the_next_header(tmp_path, text):
     (tmp_path / "image.dat").write_text(text)
-    found = photo_lists.bingo(tmp_path, size=(4000, 3000), pixel_um=1.5)
-    images, measured = found.images, found.measured
-    pairs = zip(measured.image_idx, measured.point_idx, strict=True)
-    assert [(images.names[i], measured.points[k]) for i, k in pairs] == [
+    tables = photo_lists.read_bingo(tmp_path, size="4000x3000", pixel_um=1.5).tables
+    points = tables["calibration/image_points.csv"]
+    assert list(zip(points["image"], points["point"], strict=True)) == [
         ("P1060498", "1006"),
         ("P1060498", "1020"),
         ("P1060499", "1006"),
         ("P1060499", "1020"),
     ]
-    assert_allclose(measured.colrow[0], [1999.5 - 1906.43 / 1.5, 1499.5 - 1834.93 / 1.5])
-    assert images.cameras == ("H_8.07_6.0525",) * 2
+    first = [points["col_px"][0], points["row_px"][0]]
+    assert_allclose(first, [1999.5 - 1906.43 / 1.5, 1499.5 - 1834.93 / 1.5], atol=1e-4)
+    assert tables["calibration/images.csv"]["camera"] == ["H_8.07_6.0525"] * 2
 
 
 def test_micrometres_and_millimetres_are_declared(tmp_path):
     (tmp_path / "a.im").write_text("101 153000\n1 -2000.0 1000.0\n-99\n")
     (tmp_path / "b.im").write_text("101 153000\n1 -2.0 1.0\n-99\n")
-    (tmp_path / "a.con").write_text("")
     for name, unit in (("a.im", "um"), ("b.im", "mm")):
         brought = photo_lists.read_patb(tmp_path / name, unit=unit, **BLOCK)
         points = brought.tables["calibration/image_points.csv"]
         assert_allclose([points["col_px"][0], points["row_px"][0]], [999.5, 999.5])
         assert list(brought.settings["cameras"]) == ["CAM"]
         assert any("untried" in one for one in brought.assumed)
-    assert photo_lists.read_patb(tmp_path / "a.im", unit="um", **BLOCK).left_out == (
-        "a.con: not read",
-    )
 
 
 @pytest.mark.parametrize("ending", photo_lists.NOT_READ)

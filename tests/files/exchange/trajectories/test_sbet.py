@@ -80,7 +80,7 @@ def test_gaps_and_events_outside_are_named_by_line(files):
     assert "events.txt:5: time: is 400000.000 s" in said[2]
 
 
-@pytest.mark.parametrize("rate", [1, 2, 5, 10, 20, 50, 100, 200])
+@pytest.mark.parametrize("rate", [1, 10, 200])
 def test_steps_of_the_trajectorys_own_rate_are_no_gaps(tmp_path, made, rate):
     t = np.round(np.arange(0, 20, 1 / rate), 6)
     (tmp_path / "a.sbet").write_bytes(made.sbet(t, start=381000.005))
@@ -93,14 +93,6 @@ def test_a_week_that_is_not_the_trajectorys_is_outside(files):
     found = read(files, events, time="gps-week-sow")
     assert found.tables["calibration/trajectory.csv"]["time_s"].tolist() == [604796, 604803]
     assert "is 1209603.000 s" in error(files, events.replace("2301", "2302"), time="gps-week-sow")
-
-
-def test_velocities_of_another_frame_are_not_used(files):
-    records = np.frombuffer((files / "a.sbet").read_bytes()).reshape(-1, 17).copy()
-    records[:, 5] *= -1
-    (files / "a.sbet").write_bytes(records.tobytes())
-    brought = read(files, "image,time\nA,604796\n")
-    assert "positions are on straight lines" in " ".join(brought.left_out)
 
 
 # --- SBET and SMRMSG: PDAL's samples, and records that no trajectory has
@@ -221,8 +213,10 @@ def test_velocities_that_do_not_fit_are_seen(tmp_path, made):
     off, speed = map(float, re.search(r"differ by (\S+) m/s .* at (\S+) m/s", said).groups())
     assert off < 0.3
     assert speed == pytest.approx(56.0, abs=3.0)
-    said = " ".join(at_rate(tmp_path, made, 0.005, westward=-1).left_out)
-    assert float(re.search(r"of position by (\S+) m/s", said)[1]) > 30
+    other = at_rate(tmp_path, made, 0.005, westward=-1)
+    said = " ".join((*other.found, *other.left_out))
+    assert "positions are on straight lines" in said
+    assert float(re.search(r"differ by (\S+) m/s", said)[1]) > 30
 
 
 # --- Time bases of events
@@ -236,7 +230,6 @@ def test_velocities_that_do_not_fit_are_seen(tmp_path, made):
         # GPS week 2300 began on Sunday, 4 February 2024; a Monday follows
         ("iso-8601", "image,time\nA,2024-02-05T00:00:01.25Z\n", 86_400, 86_401.25),
         ("iso-8601", "image,time\nA,2024-02-05T02:00:01+02:00\n", 86_400, 86_401.0),
-        ("iso-8601-gps", "image,time\nA,2024-02-04 00:00:02\n", 0, 2.0),
     ],
 )
 def test_every_base(tmp_path, made, base, event, start, expected):
@@ -250,8 +243,11 @@ def test_every_base(tmp_path, made, base, event, start, expected):
     [
         ("gps-sow", "image,time\nA,700000\n", ":2: time: '700000'; must be seconds of the week"),
         ("gps-week-sow", "image,time,week\nA,1,1.5\n", "must be the GPS week"),
-        ("iso-8601", "image,time\nA,2024-02-05T00:00:01\n", "needs a zone, such as Z; or decla"),
-        ("iso-8601-utc", "image,time\nA,2024-02-05T00:00:01Z\n", "must have no zone"),
+        (
+            "iso-8601",
+            "image,time\nA,2024-02-05T00:00:01\n",
+            "must be a date with its time and zone",
+        ),
         ("iso-8601", "image,time\nA,5.2.2024\n", "must be a date with its time"),
     ],
 )

@@ -7,9 +7,11 @@ import pytest
 
 import acx4sim
 from acx4files.flight import reader
+from acx4files.results import sentences
 from acx4files.stages import diagnosed
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.calibration import mounting, trajectory_errors
+from acx4lib.model import Model
 from support import blocks
 
 COMPASS_DEG = (-0.05, 0.06)
@@ -28,7 +30,7 @@ def flown(folder, seed, **options):
 
 def single(flight, *gnss):
     block, free = flight.blocks["calibration"], flight.estimate_mounting
-    return mounting.single_step(block, free=free, gnss=gnss, snooping=False)
+    return mounting.single_step(block, Model(free=free, gnss=gnss), snooping=False)
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +61,7 @@ def test_seven_degrees_come_out_to_their_digits(tmp_path):
     bundle = single(flown(tmp_path, 1, compass_deg=(-5.0, 6.0), **exact), "deviation").bundle
     found = [p.value for p in trajectory_errors.parameters(bundle)]
     np.testing.assert_allclose(found, [-5.0, 6.0], atol=1e-4)  # 1 km over the earth's radius
-    line, own = trajectory_errors.notes(bundle)
+    line, own = sentences.on_trajectory(bundle)
     assert "-5.000 ± 0.000° times their sine" in line
     assert "by 7.810° at 320°" in line
     assert own.startswith("the deviation of headings is this block's own")
@@ -96,7 +98,7 @@ def over(*azimuths):
         ),
         3,
     )
-    return adjust(mounted_orientation(block, free=("f",), gnss=("deviation",)))
+    return adjust(mounted_orientation(block, Model(free=("f",), gnss=("deviation",))))
 
 
 def test_on_one_line_the_part_across_it_is_a_boresight():
@@ -109,14 +111,14 @@ def test_on_one_line_the_part_across_it_is_a_boresight():
 def not_determined(bundle):
     """What is not determined by sigma a priori: the measurements are exact."""
     cov = trajectory_errors.reported_covariance(bundle) / bundle.solution.sigma0_sq
-    return trajectory_errors.not_determined(bundle, cov)
+    return sentences.trajectory_not_determined(bundle, cov)
 
 
 def test_errors_that_are_declared_as_slow_are_no_courses(flights):
     block = flights[0].blocks["calibration"]
     process = replace(block.trajectory.slow_attitudes, share=0.9, time_constant_s=600.0)
     block = replace(block, trajectory=replace(block.trajectory, slow_attitudes=process))
-    bundle = adjust(mounted_orientation(block, free=flights[0].estimate_mounting))
+    bundle = adjust(mounted_orientation(block, Model(free=flights[0].estimate_mounting)))
     assert trajectory_errors.by_course(bundle) is None
 
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from acx4files.results.sentences import not_determined
 from acx4lib.calibration import mounting
-from acx4lib.calibration.estimates import not_determined
+from acx4lib.model import Model
 from support import blocks
 
 ONE_WAY = ((1000.0, -150.0, 0.0), (1000.0, 150.0, 0.0), (1500.0, -80.0, 0.0), (1500.0, 80.0, 0.0))
@@ -18,7 +19,7 @@ def calibrated(strips, *, with_control=False):
         control=blocks.crosses() if with_control else None,
     )
     block = blocks.noisy(block, np.random.default_rng(1))
-    return mounting.single_step(block, free=("f", "xp", "yp")).calibration
+    return mounting.single_step(block, Model(free=("f", "xp", "yp"))).calibration
 
 
 def named(calibration):

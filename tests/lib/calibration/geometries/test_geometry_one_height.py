@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from acx4files.results.sentences import not_determined
 from acx4lib.calibration import mounting
-from acx4lib.calibration.estimates import not_determined, parameters
+from acx4lib.calibration.estimates import parameters
+from acx4lib.model import Model
 from support import blocks
 
 ONE_HEIGHT = ((1000.0, -150.0, 0.0), (1000.0, 150.0, 180.0))
@@ -23,7 +25,7 @@ def flown(strips):
 def calibrated(strips, *, free=("f", "xp", "yp"), fix=()):
     """A posteriori sigmas need noise of the stated size."""
     block = blocks.noisy(flown(strips), np.random.default_rng(1))
-    return mounting.single_step(block, free=free, fix=fix).calibration
+    return mounting.single_step(block, Model(free=free, fix=fix)).calibration
 
 
 def named(lines):
@@ -87,7 +89,7 @@ def on_control_alone(*, relief_m, hills):
         control=x_m,
     )
     block = blocks.noisy(block, np.random.default_rng(1))
-    return not_determined(mounting.two_step(block, free=("f", "xp", "yp")).calibration)
+    return not_determined(mounting.two_step(block, Model(free=("f", "xp", "yp"))).calibration)
 
 
 def test_in_a_bundle_on_control_points_alone_a_second_height_is_not_enough_but_hills_are():

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from acx4files.results.sentences import not_determined
 from acx4lib.calibration import mounting
 from acx4lib.calibration.determination import weakest_combination
-from acx4lib.calibration.estimates import not_determined
+from acx4lib.model import Model
 from support import blocks
 
 ONE_WAY = ((1000.0, -150.0, 0.0), (1000.0, 150.0, 0.0))
@@ -23,7 +24,7 @@ def calibrated(strips, *, with_control=False, fix=()):
         control=flat if with_control else None,
     )
     block = blocks.noisy(block, np.random.default_rng(1))
-    return mounting.single_step(block, free=("f", "xp", "yp"), fix=fix)
+    return mounting.single_step(block, Model(free=("f", "xp", "yp"), fix=fix))
 
 
 def lines(found):

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from acx4files.results.sentences import not_determined
 from acx4lib.calibration import mounting
-from acx4lib.calibration.estimates import not_determined, parameters
+from acx4lib.calibration.estimates import parameters
+from acx4lib.model import Model
 from support import blocks
 
 STRIP = ((1000.0, 0.0, 0.0),)
@@ -21,7 +23,7 @@ def calibrated(strips, *, with_control, fix=(), per_strip=6):
         control=flat if with_control else None,
     )
     block = blocks.noisy(block, np.random.default_rng(1))
-    return mounting.single_step(block, free=FREE, fix=fix).calibration
+    return mounting.single_step(block, Model(free=FREE, fix=fix)).calibration
 
 
 def lines(calibration):

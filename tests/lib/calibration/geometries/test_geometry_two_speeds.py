@@ -7,9 +7,11 @@ import pytest
 
 import acx4sim
 from acx4files.flight import reader
+from acx4files.results import sentences
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.calibration import mounting, trajectory_errors
 from acx4lib.calibration.estimates import features
+from acx4lib.model import Model
 from acx4sim.files import simulate_plan
 from support import blocks
 
@@ -40,7 +42,7 @@ def found(tmp_path_factory):
         folder = tmp_path_factory.mktemp("two_speeds")
         flight = flown(folder, seed, (55.0, 85.0), gnss_delay_s=DELAY_S)
         block, free = flight.blocks["calibration"], flight.estimate_mounting
-        out.append(mounting.single_step(block, free=free, gnss=("delay",)).bundle)
+        out.append(mounting.single_step(block, Model(free=free, gnss=("delay",))).bundle)
     return out
 
 
@@ -55,18 +57,18 @@ def test_delays_of_20_ms_come_out_within_their_sigma(found):
 
 def test_a_delay_is_said_in_words(found):
     (position,) = trajectory_errors.parameters(found[0])
-    lines = trajectory_errors.notes(found[0])
+    lines = sentences.on_trajectory(found[0])
     value, sigma = 1000 * position.value, 1000 * position.sigma
     assert lines[0] == f"GNSS positions are recorded {value:.1f} ± {sigma:.1f} ms late"
     assert lines[1].startswith("the delay is this block's own")
-    assert trajectory_errors.not_determined(found[0]) == []
+    assert sentences.trajectory_not_determined(found[0]) == []
 
 
 def test_a_negative_delay_is_early(tmp_path):
     flight = flown(tmp_path, 1, (55.0, 85.0), gnss_delay_s=-DELAY_S)
     block, free = flight.blocks["calibration"], flight.estimate_mounting
-    bundle = mounting.single_step(block, free=free, gnss=("delay",)).bundle
-    assert trajectory_errors.notes(bundle)[0].endswith(" ms early")
+    bundle = mounting.single_step(block, Model(free=free, gnss=("delay",))).bundle
+    assert sentences.on_trajectory(bundle)[0].endswith(" ms early")
 
 
 def test_different_speeds_are_a_feature_of_a_flight(found):
@@ -93,24 +95,24 @@ BOTH_WAYS = ((1000.0, 0.0, 0.0), (1300.0, 0.0, 180.0), (1000.0, 0.0, 180.0), (13
 
 def test_at_one_speed_a_delay_and_the_lever_arm_are_one_unknown():
     block = steady(BOTH_WAYS, (4.0,) * 4)
-    bundle = adjust(mounted_orientation(block, free=("f",), gnss=("delay",)))
-    (line,) = trajectory_errors.not_determined(bundle)
+    bundle = adjust(mounted_orientation(block, Model(free=("f",), gnss=("delay",))))
+    (line,) = sentences.trajectory_not_determined(bundle)
     assert line.startswith("gnss_delay_s is not determined")
     assert "strips flown at different speeds, or the lever arm held" in line
     held = adjust(
-        mounted_orientation(block, free=("f",), free_mount=blocks.MOUNT[3:], gnss=("delay",))
+        mounted_orientation(block, Model(free=("f",), fix=("lever_arm",), gnss=("delay",)))
     )
-    assert trajectory_errors.not_determined(held) == []
+    assert sentences.trajectory_not_determined(held) == []
     slower = steady(BOTH_WAYS, (4.0, 4.0, 6.0, 6.0))
-    fast_and_slow = adjust(mounted_orientation(slower, free=("f",), gnss=("delay",)))
-    assert trajectory_errors.not_determined(fast_and_slow) == []
+    fast_and_slow = adjust(mounted_orientation(slower, Model(free=("f",), gnss=("delay",))))
+    assert sentences.trajectory_not_determined(fast_and_slow) == []
 
 
 def test_one_strip_does_not_tell_shift_delay_and_lever_arm_apart():
     block = steady(((1000.0, 0.0, 0.0), (1300.0, 0.0, 0.0)), (4.0, 4.0))
     gnss = ("shift", "drift", "delay")
-    lines = trajectory_errors.not_determined(
-        adjust(mounted_orientation(block, free=("f",), gnss=gnss))
+    lines = sentences.trajectory_not_determined(
+        adjust(mounted_orientation(block, Model(free=("f",), gnss=gnss)))
     )
     said = {line.split()[0] for line in lines}
     assert {"gnss_shift_east_m", "gnss_shift_north_m", "gnss_delay_s"} <= said

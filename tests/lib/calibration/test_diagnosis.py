@@ -5,8 +5,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.planning import design, plan, tables
-from acx4lib.calibration.estimates import features, parameters, to_reported
-from acx4lib.georeferencing import weak
+from acx4files.results import sentences
+from acx4lib.calibration import diagnosis
+from acx4lib.calibration.estimates import parameters, to_reported
+from acx4lib.georeferencing import budget
 from support.flights.planned import strip, values
 
 MAPPING = {
@@ -27,7 +29,7 @@ def test_the_share_of_a_parameter_is_what_the_variance_falls_by_when_it_is_known
     found = of(validation=MAPPING)
     calibration = found.mountings["single_step"].calibration
     sources = found.validations["single_step"].points.sources
-    shares = weak.shares(sources, calibration)
+    shares = budget.parameter_shares(sources, calibration)
     to = to_reported(calibration)
     J = sources.by_parameters @ np.linalg.inv(to)
     scale = np.sqrt(np.diag(to @ calibration.cov @ to.T))
@@ -55,7 +57,9 @@ def test_a_known_lever_arm_lowers_the_variance_by_the_share_of_its_z():
         np.mean(found.validations["single_step"].points.sigma[:, 2] ** 2) for found in (free, held)
     )
     mounting = free.mountings["single_step"]
-    share = weak.shares(free.validations["single_step"].points.sources, mounting.calibration)[2]
+    share = budget.parameter_shares(
+        free.validations["single_step"].points.sources, mounting.calibration
+    )[2]
     names = [p.name for p in parameters(mounting.calibration)]
     assert share[names.index("lever_z_m")] == pytest.approx(1 - after / before, abs=0.02)
 
@@ -86,13 +90,13 @@ def test_without_check_points_the_ground_under_the_corners_counts():
 
 def test_what_two_reasons_make_weak_is_named_once_with_both():
     mounting = of(**BARE, calibration=ONE_HEIGHT).mountings["single_step"]
-    by_wind = weak.of_bundle(mounting.bundle, mounting.calibration)
+    found = diagnosis.of(mounting.bundle, mounting.calibration)
+    by_wind = found.weak()
     shares = np.zeros((3, len(parameters(mounting.calibration))))
     shares[1, 0] = 0.4
-    by_share = weak.of_calibration(mounting.calibration, shares)
-    both = weak.together([*by_share, *by_wind])
+    both = found.weak(shares, of=diagnosis.CHECK_POINTS)
     assert len(both) == len(by_wind)
-    first = weak.sentences(both, features(mounting.bundle.network.block))[0]
+    first = sentences.weak(both, found.features)[0]
     assert "CAM f_mm is weak" in first
     assert "40 % of the variance of check points in north; it rests on wind and hills" in first
 
