@@ -337,7 +337,7 @@ def oriented_by_features(
         says = f"block {block.name}: no two pictures have enough features in common"
         raise FlightError([f"{says}; are the files those of these images, and do they overlap?"])
     part = _parts(block, found)
-    largest = part == np.argmax(np.bincount(part[exposure]))
+    largest = part == np.argmax(np.bincount(part))
     distance = {
         (i, j): by.depth * float(np.linalg.norm(views[j].T_m_c.r[0] - views[i].T_m_c.r[0]))
         for (i, j), by in found.items()
