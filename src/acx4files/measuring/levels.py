@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise, product
 
@@ -94,8 +94,8 @@ def _grid(view: View) -> Array:
 COARSE_PX = 760
 """Longer side of the pictures at the first level, at most."""
 
-COARSE, FINE = MatchOptions(search_px=14, epipolar_px=1.0), MatchOptions()
-"""Of the first level, where orientations and ground are not known well, and of the others."""
+SEARCH_PX, EPIPOLAR_PX = 14, 1.0
+"""Of the first level, where orientations and ground are not known well."""
 
 FAINT = MatchOptions(correlation_px=21, least_correlation=0.4, largest_sigma_px=0.35)
 """Where features gave the orientations: of photographs, in which lawns and woods correlate less."""
@@ -176,7 +176,7 @@ def match_block(
     options: MeasureOptions,
     executor: Executor | None,
     tell: Tell,
-    skip: int = 0,
+    faint: bool = False,
 ) -> Matched:
     """Match all overlapping pictures of a block, level by level.
 
@@ -196,8 +196,8 @@ def match_block(
         Where pairs are matched; by default here.
     tell : callable
         Called with the name of a level, its finished pairs, and all.
-    skip : int
-        Levels that are left out at the start; one where orientations come from features.
+    faint : bool
+        Whether features gave the orientations.
 
     Raises
     ------
@@ -207,13 +207,14 @@ def match_block(
         Where the points cannot be adjusted.
     """
     best, of_file = None, views[0].shrink
-    sizes = sizes_of(views, options.reduce)
-    for k, shrink in enumerate(sizes[min(skip, len(sizes) - 1) :], start=skip):
+    match = FAINT if faint else MatchOptions()
+    wide = replace(match, search_px=SEARCH_PX, epipolar_px=EPIPOLAR_PX)
+    for shrink in sizes_of(views, options.reduce):
         views = [seen_at(view, k) for view, k in zip(views, shrink, strict=True)]
-        match = FAINT if skip else FINE if k else COARSE
         count = partial(tell, f"{block.name} 1/{max(shrink)}")
         try:
-            rays = _matched(block, views, surface, options.points, match, executor, count)
+            how = match if best else wide
+            rays = _matched(block, views, surface, options.points, how, executor, count)
         except FlightError:
             if best is None:
                 raise
@@ -254,7 +255,7 @@ def is_within_search(block: Block, views: Sequence[View], surface: Surface, redu
     across = np.hypot(position / height(views, surface), attitude)
     f_px = np.array([v.declared.interior.f / v.declared.pixel_mm for v in views])
     apart = np.sqrt(2) * across * f_px / sizes_of(views, reduce)[0]  # of one against another
-    return not np.any(np.isfinite(apart) & (apart > COARSE.search_px))
+    return not np.any(np.isfinite(apart) & (apart > SEARCH_PX))
 
 
 def sizes_of(views: Sequence[View], reduce: int) -> list[list[int]]:

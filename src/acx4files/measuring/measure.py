@@ -253,7 +253,7 @@ def _matched(
             return run(block, views, surface), None
     count = partial(tell, f"{block.name} features")
     coarse = oriented_by_features(block, views, executor=executor, tell=count)
-    return run(coarse.block, coarse.views, coarse.surface, skip=1), coarse
+    return run(coarse.block, coarse.views, coarse.surface, faint=True), coarse
 
 
 def _held(block: Block, coarse: Coarse | None) -> Block:
