@@ -19,13 +19,13 @@ import numpy as np
 import pandas as pd
 
 from acx4files.flight.reader import Flight
-from acx4files.images.head_images import HeadFiles, fingerprint, flight_files, read_heads
+from acx4files.images.head_images import HeadFiles, fingerprint, head_files, read_heads
 from acx4files.images.tiff import TILE, read_about, write, write_preview
 from acx4files.results import folder as results
 from acx4files.results import provenance, whole_files
 from acx4files.results.read_back import read_relative_orientation
 from acx4files.results.whole_files import file_stem
-from acx4lib.calibration.heads import RelativeOrientation, not_calibrated
+from acx4lib.calibration.heads import RelativeOrientation, can_be_calibrated
 from acx4lib.errors import AdjustmentError, FlightError, OutputError
 from acx4lib.expected import Raster
 from acx4lib.geometry.camera import Camera
@@ -156,14 +156,15 @@ def render_flight(
         Where the heads could not be oriented.
     """
     rig, folder = read_rig(flight, Path(results_path)), Path(folder)
-    files = flight_files(flight, [head.name for head in rig.orientation.heads])
-    chosen = files.chosen(exposures)
-    sources = [] if blend == "stack" else spread(list(files.complete.values()))
+    names = [head.name for head in rig.orientation.heads]
+    files, incomplete = head_files(flight, names, ("heads", *flight.transferred))
+    chosen = _chosen(exposures, files, incomplete)
+    sources = [] if blend == "stack" else spread(list(files.values()))
     problems, notes = [], [f"heads as {results_path} has them, {rig.source}"]
-    if exposures is None and files.incomplete:
-        notes.append(f"left out, without the files of all heads: {', '.join(files.incomplete)}")
+    if exposures is None and incomplete:
+        notes.append(f"left out, without the files of all heads: {', '.join(incomplete)}")
     with whole_files.claim(folder, signs=[IMAGES]):
-        complete = [files.complete[name] for name in chosen if name in files.complete]
+        complete = [files[name] for name in chosen if name in files]
         about = {one.exposure: _about(rig, one, blend, sources) for one in complete}
         kept = [name for name in about if _is_made(folder, name, about[name])]
         _list(rig, folder, kept)
@@ -186,10 +187,31 @@ def render_flight(
                 problems.append(f"{one.exposure}: {error}")
             if one.exposure not in rendered:
                 tell(one.exposure, 0, 0)
-    problems += [f"{name}: {files.incomplete[name]}" for name in chosen if name in files.incomplete]
+    problems += [f"{name}: {incomplete[name]}" for name in chosen if name in incomplete]
     return Rendered(
         rendered=tuple(rendered), kept=tuple(kept), problems=tuple(problems), notes=tuple(notes)
     )
+
+
+def _chosen(
+    names: Sequence[str] | None, complete: Mapping[str, HeadFiles], incomplete: Mapping[str, str]
+) -> list[str]:
+    """Return the names of the chosen exposures; by default of all complete ones.
+
+    Raises
+    ------
+    FlightError
+        Where there is none, or no exposure of such a name.
+    """
+    if names is None:
+        if not complete:
+            raise FlightError(list(incomplete.values()))
+        return list(complete)
+    unknown = [name for name in names if name not in {**complete, **incomplete}]
+    if unknown:
+        says = f"no files of this exposure; complete are {', '.join(complete)[:300] or 'none'}"
+        raise FlightError([f"exposure {name}: {says}" for name in unknown])
+    return list(dict.fromkeys(names))
 
 
 # --- orientation -----------------------------------------------------------------------------
@@ -220,7 +242,7 @@ def read_rig(flight: Flight, results_path: Path) -> SyntheticRig:
 
 def _read_orientation(flight: Flight, results_path: Path) -> tuple[str, RelativeOrientation]:
     heads = flight.blocks.get("heads")
-    is_measured = heads is None or not not_calibrated(heads)
+    is_measured = heads is None or can_be_calibrated(heads)
     before = ["heads"] if is_measured else ["synthetic"]  # heads as declared have no stage heads
     run_results = provenance.results_before(results_path, before, flight)
     if is_measured and results.has(run_results, "synthetic"):
@@ -330,12 +352,13 @@ def _render(
     feather_px = FEATHER_PX / k if blend == "feather" else 0.0
     plan = render_plan(orientation, synthetic, response=response, feather_px=feather_px)
     shape = plan.height_px, plan.width_px, bands * (len(images) if is_stack else 1)
+    rooms = np.empty((2, TILE, *shape[1:]), dtype)
 
     def stripe(start: int) -> Raster:
         stop = min(start + TILE, shape[0])
         if is_stack:
             return stack(plan, images, start, stop)
-        out = np.empty((stop - start, *shape[1:]), dtype)
+        out = rooms[start // TILE % 2, : stop - start]
         render_into(out, plan, images, start)
         return out
 

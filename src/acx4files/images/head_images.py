@@ -13,7 +13,7 @@ import struct
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from os import SEEK_END
 from pathlib import Path
 
@@ -52,83 +52,18 @@ class HeadFiles:
     paths: tuple[Path, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
-class FlightFiles:
-    """The head images of a flight, in all its blocks that are measured in heads.
-
-    Attributes
-    ----------
-    complete : dict of str to HeadFiles
-        By exposure, in the order of the flight.
-    incomplete : dict of str to str
-        What is missing, for exposures where only some heads have a file.
-    """
-
-    complete: dict[str, HeadFiles]
-    incomplete: dict[str, str]
-
-    def chosen(self, names: Sequence[str] | None) -> list[str]:
-        """Return the names of the chosen exposures; by default of all complete ones.
-
-        Raises
-        ------
-        FlightError
-            Where there is none, or no exposure of such a name.
-        """
-        if names is None:
-            if not self.complete:
-                raise FlightError(list(self.incomplete.values()))
-            return list(self.complete)
-        unknown = [name for name in names if name not in {**self.complete, **self.incomplete}]
-        if unknown:
-            known = ", ".join(self.complete)[:300] or "none"
-            says = f"no files of this exposure; complete are {known}"
-            raise FlightError([f"exposure {name}: {says}" for name in unknown])
-        return list(dict.fromkeys(names))
-
-
-def flight_files(flight: Flight, heads: Sequence[str]) -> FlightFiles:
-    """Return the image files of block heads and of the blocks measured in heads.
-
-    Parameters
-    ----------
-    flight : Flight
-    heads : sequence of str
-        Names of the cameras.
-
-    Raises
-    ------
-    FlightError
-        Where no image of a head has a file.
-    """
-    named = [
-        name for name in ("heads", *flight.transferred) if any(flight.image_files.get(name, ()))
-    ]
-    by_block = {name: head_files(flight, heads, block=name) for name in named or ("heads",)}
-    times = Counter(name for parts in by_block.values() for part in parts for name in part)
-    complete, incomplete = {}, {}
-    for block, (files, missing) in by_block.items():
-        for exposure in (*files, *missing):
-            label = exposure if times[exposure] == 1 else f"{block}/{exposure}"
-            if exposure in files:
-                complete[label] = replace(files[exposure], exposure=label)
-            else:
-                incomplete[label] = missing[exposure]
-    return FlightFiles(complete=complete, incomplete=incomplete)
-
-
 def head_files(
-    flight: Flight, heads: Sequence[str], *, block: str = "heads"
+    flight: Flight, heads: Sequence[str], blocks: Sequence[str] = ("heads",)
 ) -> tuple[dict[str, HeadFiles], dict[str, str]]:
-    """Return the exposures of a block whose image files exist.
+    """Return the exposures of some blocks whose image files exist.
 
     Parameters
     ----------
     flight : Flight
     heads : sequence of str
         Names of the cameras.
-    block : str
-        A block that is measured in heads.
+    blocks : sequence of str
+        Blocks that are measured in heads.
 
     Returns
     -------
@@ -142,28 +77,32 @@ def head_files(
     FlightError
         Where no image of a head has a file.
     """
-    table, inside = flight.path / block / "images.csv", flight.pictures.resolve()
-    by_exposure: dict[str, dict[str, Path]] = {}
-    for i, path in enumerate(flight.image_files.get(block, ())):
-        taken = flight.blocks[block]
-        camera = taken.cameras[taken.images.camera_idx[i]].name
-        if path is not None and camera in heads:
-            exposure = taken.trajectory.exposures[taken.images.exposure_idx[i]]
-            named = flight.pictures / path.relative_to(inside)
-            by_exposure.setdefault(exposure, {})[camera] = named
+    inside = flight.pictures.resolve()
+    by_exposure: dict[tuple[str, str], dict[str, Path]] = {}
+    for block in blocks:
+        for i, path in enumerate(flight.image_files.get(block, ())):
+            taken = flight.blocks[block]
+            camera = taken.cameras[taken.images.camera_idx[i]].name
+            if path is not None and camera in heads:
+                exposure = taken.trajectory.exposures[taken.images.exposure_idx[i]]
+                named = flight.pictures / path.relative_to(inside)
+                by_exposure.setdefault((block, exposure), {})[camera] = named
     if not by_exposure:
+        table = flight.path / "heads" / "images.csv"
         raise FlightError([f"{table}: names no files of head images; {MAKE_FILES}"])
+    times = Counter(exposure for _, exposure in by_exposure)
     complete, incomplete = {}, {}
-    for exposure, files in by_exposure.items():
+    for (block, exposure), files in by_exposure.items():
+        label = exposure if times[exposure] == 1 else f"{block}/{exposure}"
         missing = [name for name in heads if name not in files]
         if missing:
-            incomplete[exposure] = (
-                f"{table}: exposure {exposure}: no file for {', '.join(missing)}; an exposure is "
-                f"rendered from all of {', '.join(heads)}"
+            incomplete[label] = (
+                f"{flight.path / block / 'images.csv'}: exposure {exposure}: no file for "
+                f"{', '.join(missing)}; an exposure is rendered from all of {', '.join(heads)}"
             )
         else:
             paths = tuple(files[name] for name in heads)
-            complete[exposure] = HeadFiles(exposure=exposure, paths=paths)
+            complete[label] = HeadFiles(exposure=label, paths=paths)
     return complete, incomplete
 
 

@@ -129,7 +129,7 @@ def _tiles(stripes: Iterable[Raster]) -> Iterator[Raster]:
     """Yield tiles row by row; those at the border are smaller, and the writer fills them up."""
     for rows in stripes:
         for col in range(0, rows.shape[1], TILE):
-            tile = rows[:, col : col + TILE].copy()
+            tile = rows[:, col : col + TILE]
             yield tile[..., 0] if tile.shape[2] == 1 else tile
 
 

@@ -48,16 +48,27 @@ def blend(
     height, width, bands = out.shape
     top = np.float32(np.iinfo(out.dtype).max)
     weights = np.empty((len(images), step, step), np.float32)
+    sees = np.empty(len(images), np.bool_)
     total = np.empty((step, step, bands), np.float32)
     # heads are mounted crosswise: downwards here is along rows there
     for j in range(nodes.shape[2] - 1):
         for i in range(nodes.shape[1] - 1):
+            n_seeing, n_whole = 0, 0
             for k in range(len(images)):
-                _set_depths(weights, nodes, k, i, j, step, images[k].shape[1], images[k].shape[0])
-            _weigh(weights, np.float32(feather))
+                rows, cols = images[k].shape[:2]
+                low, high = _set_depths(weights, nodes, k, i, j, step, cols, rows)
+                sees[k] = high > 0
+                n_seeing += high > 0
+                n_whole += low > 0
+            alone = n_seeing == n_whole == 1  # most cells: one head sees all of it, no other any
+            if not alone:
+                _weigh(weights, np.float32(feather))
             total[:] = 0
             for k in range(len(images)):
-                _add_samples(total, weights, images[k], nodes, factors, k, i, j, step, top)
+                if sees[k]:
+                    if alone:
+                        weights[k] = 1
+                    _add_samples(total, weights, images[k], nodes, factors, k, i, j, step, top)
             row, col = i * step - skip, j * step
             for r in range(max(-row, 0), min(step, height - row)):
                 for c in range(min(step, width - col)):
@@ -82,18 +93,26 @@ def _row_of_cell(
 @inlined
 def _set_depths(
     depths: Array, nodes: Array, k: int, i: int, j: int, step: int, width: int, height: int
-) -> None:
-    """Set the distances of a cell's pixels from the border of head k; -1 where it does not see."""
+) -> tuple[Any, Any]:
+    """Set the distances of a cell's pixels from the border of head k; -1 where it does not see.
+
+    Return the smallest and the largest.
+    """
+    low, high = np.float32(width), np.float32(-1)
     half, right, bottom = np.float32(0.5), np.float32(width - 0.5), np.float32(height - 0.5)
     for r in range(step):
         x_0, dx, y_0, dy = _row_of_cell(nodes, k, i, j, r, step)
         if np.isnan(x_0 + dx + y_0 + dy):  # one of the corners
             for c in range(step):
                 depths[k, r, c] = -1
+            low = np.float32(-1)
         else:
             for c in range(step):
                 x, y = np.float32(x_0 + c * dx), np.float32(y_0 + c * dy)
-                depths[k, r, c] = min(x + half, right - x, y + half, bottom - y)
+                depth = min(x + half, right - x, y + half, bottom - y)
+                depths[k, r, c] = depth
+                low, high = min(low, depth), max(high, depth)
+    return low, high
 
 
 @inlined
@@ -186,4 +205,5 @@ def halve_into(small: Raster, image: Raster) -> None:
                 a, b = int(image[2 * i, 2 * j, band]), int(image[2 * i, right, band])
                 c, d = int(image[lower, 2 * j, band]), int(image[lower, right, band])
                 n = max((a > 0) + (b > 0) + (c > 0) + (d > 0), 1)
-                small[i, j, band] = (a + b + c + d + n // 2) // n
+                total = a + b + c + d
+                small[i, j, band] = (total + 2) // 4 if n == 4 else (total + n // 2) // n

@@ -147,6 +147,12 @@ def test_only_named_exposures_need_all_files(rendered, own):
     assert problem.startswith(f"E1: {flight}/heads/images.csv: exposure E1: no file for LEFT")
 
 
+def test_an_exposure_without_files_is_named_with_those_that_have_them(rendered):
+    with pytest.raises(FlightError) as error:
+        rendered(exposures=["E0", "E7"])
+    assert error.value.problems == ("exposure E7: no files of this exposure; complete are E0, E1",)
+
+
 def test_heads_are_needed_with_their_orientation(rendered, own, tmp_path):
     flight, results = own
     with pytest.raises(FlightError, match="no results of stage heads; run first"):

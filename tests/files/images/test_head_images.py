@@ -10,8 +10,6 @@ import tifffile
 
 from acx4files import flight as flights
 from acx4files.images.head_images import (
-    FlightFiles,
-    HeadFiles,
     fingerprint,
     head_files,
     image_from_file,
@@ -64,18 +62,6 @@ def test_a_missing_head_is_named(folder):
         "E1": f"{folder}/heads/images.csv: exposure E1: no file for RIGHT; an exposure is "
         "rendered from all of LEFT, RIGHT"
     }
-
-
-def test_exposures_are_chosen_by_name():
-    files = {name: HeadFiles(exposure=name, paths=()) for name in ("E0", "heads/E1", "other/E1")}
-    known = FlightFiles(complete=files, incomplete={"E2": "no file"})
-    assert known.chosen(None) == list(files)
-    assert known.chosen(["other/E1", "E2", "E0", "E0"]) == ["other/E1", "E2", "E0"]
-    with pytest.raises(FlightError) as error:
-        known.chosen(["E1", "E0"])
-    assert error.value.problems == (
-        "exposure E1: no files of this exposure; complete are E0, heads/E1, other/E1",
-    )
 
 
 def test_heads_are_read_with_their_reduction_and_can_be_forgotten(folder):

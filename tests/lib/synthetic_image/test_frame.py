@@ -26,7 +26,6 @@ from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_opk
 from acx4lib.synthetic_image import frame
 from acx4lib.synthetic_image.frame import (
     TYPICAL_BASES_M,
-    bases,
     coverage,
     flight_parallax,
     footprint,
@@ -39,7 +38,6 @@ from acx4lib.synthetic_image.frame import (
 )
 from acx4lib.synthetic_image.head_map import (
     TOLERANCE,
-    HeadMap,
     fitting_step,
     head_map,
     levelled,
@@ -101,17 +99,6 @@ def test_heads_that_look_one_way_coincide_and_lose_no_more_than_their_own_border
     found = coverage(parallel, SYNTHETIC)
     assert found.coincides
     assert found.share.tolist() == [0.0, 0.0, 1.0]  # a border of one pixel is no mesh of 60
-
-
-def test_each_head_sees_its_quarter():
-    """Heads 1 to 4: left bottom, left top, right top, right bottom."""
-    quarter = [(-15.0, -20.0), (-15.0, 20.0), (15.0, 20.0), (15.0, -20.0)]
-    for k, point in enumerate(quarter):
-        seen = [
-            bool(inside(head, head_from_synthetic(ORIENTATION, j, np.array([point])))[0])
-            for j, head in enumerate(ORIENTATION.heads)
-        ]
-        assert seen == [j == k for j in range(4)]
 
 
 @pytest.mark.parametrize(("k", "largest"), [(0, 0.14), (1, 0.07), (2, 0.08), (3, 0.10)])
@@ -275,10 +262,6 @@ def head(name, *r):
 HEADS = (head("A", 0.0, 0.0, 0.0), head("B", 0.12, 0.0, 0.0), head("C", 0.12, 0.16, 0.0))
 
 
-def test_bases_are_the_distances_of_the_lenses():
-    assert_allclose(bases(HEADS), [0.12, 0.20, 0.16], atol=1e-12)
-
-
 def test_a_flights_shifts_follow_from_its_lever_arms_and_heights(block):
     found = flight_parallax(block, HEADS, PARALLAX_SYNTHETIC)
     ground = block.control.x_m[:, 2]
@@ -299,12 +282,6 @@ def test_undeclared_lever_arms_are_replaced_by_typical_bases(block):
     assert not found.declared
     assert_allclose(found.base_m, TYPICAL_BASES_M)
     assert found.labels == ("0.1 m, typical", "0.3 m, typical")
-
-
-def test_ground_may_be_told(block):
-    found = flight_parallax(block, HEADS, PARALLAX_SYNTHETIC, ground_m=np.array([100.0, 300.0]))
-    assert_allclose(found.height_m, block.trajectory.T_m_b.r[:, 2] - 200.0)
-    assert found.relief_m == 100.0
 
 
 def test_without_control_the_heights_are_not_known(block):
@@ -416,13 +393,6 @@ def test_a_levelled_map_is_right_on_average(k):
     before, after = (errors(HEAD_MAP_HEADS, k, SYN, head, rows, cols) for head in (exact, level))
     assert after.max() < 0.8 * before.max()
     assert np.sqrt(np.mean(after**2)) < 0.45 * np.sqrt(np.mean(before**2))
-
-
-def test_levelling_leaves_planes_and_what_is_unseen():
-    grid = np.stack(np.meshgrid(np.arange(5.0), np.arange(4.0)), axis=-1)
-    grid[2:, 3:] = np.nan
-    head = HeadMap(nodes=grid, step_px=8, width_px=100, height_px=100)
-    assert_allclose(levelled(head).nodes, grid, atol=1e-14)
 
 
 def test_a_window_is_seen_as_it_is_in_the_whole_image():

@@ -291,29 +291,6 @@ def test_heads_that_are_off_move_the_parameters_as_their_covariance_says(
         assert_allclose(cov, np.outer(change, change), rtol=0.02, atol=1e-3)
 
 
-def test_heads_without_errors_add_nothing(head_errors_measured, synthetic):
-    right = in_heads.true_orientation()
-    transferred, methods = calibrated(head_errors_measured, right, synthetic)
-    for found in methods.values():
-        assert not parameter_covariance(found, head_errors_measured, transferred, right).any()
-
-
-def test_independent_errors_add_their_squares(head_errors_measured, synthetic):
-    right = in_heads.true_orientation()
-    transferred, methods = calibrated(head_errors_measured, right, synthetic)
-    single, parts = methods["single_step"], []
-    for i in (0, 3, 10, 24, 40):
-        one = np.zeros(len(SIZES))
-        one[i] = SIZES[i] ** 2
-        heads = replace(right, cov_joint=np.diag(one))
-        parts.append(due_to_heads(single, head_errors_measured, transferred, heads))
-    every = np.zeros(len(SIZES))
-    every[[0, 3, 10, 24, 40]] = SIZES[[0, 3, 10, 24, 40]] ** 2
-    together = replace(right, cov_joint=np.diag(every))
-    found = due_to_heads(single, head_errors_measured, transferred, together)
-    assert_allclose(found, np.sum(parts, axis=0), rtol=1e-6, atol=1e-12 * np.abs(found).max())
-
-
 # --- the total of a small flight, whose heads are calibrated from their noisy measurements
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -91,45 +90,6 @@ def test_ties_are_true_to_hundredths_of_a_pixel(found, true):
     error = np.hypot(*errors_px(found.ties, true).T)
     assert np.sqrt(np.mean(error**2)) < 0.04  # what is asked of full-size images
     assert np.mean(error < 0.1) > 0.98
-
-
-def rms_px(colrow_a, colrow_b, true):
-    """Of the errors in head 2 that are no wrong matches, where head 1 sees the same."""
-    at = head_from_synthetic(true, 1, synthetic_from_head(true, 0, colrow_a))
-    error = np.hypot(*(colrow_b - at).T)
-    return np.sqrt(np.mean(error[error < 1] ** 2))
-
-
-def by_sift(images):
-    """Match the overlap of heads 1 and 2 by the usual recipe of SIFT, in the same geometry."""
-    shared = shared_windows(NOMINAL, SYNTHETIC)[0]
-    assert (shared.head_a, shared.head_b) == (0, 1)
-    window = shared.window
-    words = []
-    for k in (0, 1):
-        seen = grey_window(images[k], NOMINAL, k, SYNTHETIC, window)
-        low, high = np.nanquantile(seen, [0.005, 0.995])
-        eight_bit = np.clip(np.nan_to_num((seen - low) * (255 / (high - low))), 0, 255)
-        detector = cv2.SIFT.create(nfeatures=20_000)
-        mask = np.isfinite(seen).astype(np.uint8)
-        words.append(detector.detectAndCompute(eight_bit.astype(np.uint8), mask))
-    (points_a, words_a), (points_b, words_b) = words
-    pairs = cv2.BFMatcher(cv2.NORM_L2).knnMatch(words_a, words_b, k=2)
-    good = [first for first, second in pairs if first.distance < 0.8 * second.distance]
-    a = np.array([points_a[m.queryIdx].pt for m in good])
-    b = np.array([points_b[m.trainIdx].pt for m in good])
-    _, agree = cv2.findHomography(a, b, cv2.USAC_MAGSAC, 1.0)
-    places = (c[agree.ravel() > 0] + [window[2], window[0]] for c in (a, b))
-    return [
-        head_from_synthetic(NOMINAL, k, xy_from_colrow(SYNTHETIC, at))
-        for k, at in enumerate(places)
-    ]
-
-
-def test_they_are_three_times_as_good_as_those_of_sift(found, images, true):
-    own = (found.ties.head_a == 0) & (found.ties.head_b == 1)
-    ours = rms_px(found.ties.colrow_a[own], found.ties.colrow_b[own], true)
-    assert ours < rms_px(*by_sift(images), true) / 3
 
 
 def test_their_predicted_sigma_is_honest(found, true):
