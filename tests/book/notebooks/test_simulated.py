@@ -386,5 +386,3 @@ def test_a_weak_parameter_is_named_by_the_run_which_has_its_row_and_succeeds(wea
     assert entry["calm_ratio"] > diagnosis.RESTS
     shares = found.summary["validation/single_step"]["weak_parameters"]
     assert shares["CAM/lever_z_m"]["share"] > diagnosis.MOST
-
-
