@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 PLAN_HELP = """Predict what a flight will determine, from its plan alone.
 
 No measurement is made and no error drawn: a plan has cameras, standard deviations, strips and
-control points, and from their geometry follow sigma and correlations of all unknowns, what is
-determined worst, which errors of observations would be found, and the RMS of check points.
+control points, and from their geometry follow sigma and correlations of all unknowns, which errors
+of observations would be found, and the RMS of check points.
 Nothing needs an image. The status is 1 where something wanted is not determined.
 
 \b
@@ -49,9 +49,6 @@ Examples:
 NOT_DETERMINED = 1
 """Exit status if a wanted parameter is not determined."""
 
-FILES = ("parameters", "covariance", "reliability", "check_points")
-"""Names of the tables in the folder."""
-
 
 def plan(
     file: Annotated[Path, terminal.argument("FILE", "A plan, TOML.")],
@@ -70,7 +67,7 @@ def plan(
     terminal.show("\n".join(tables.lines(predicted)))
     if out is not None:
         _write(predicted, file.read_text("utf-8-sig"), out)
-    if tables.sentences(predicted):
+    if tables.not_determined(predicted):
         raise typer.Exit(NOT_DETERMINED)
 
 
@@ -81,14 +78,12 @@ def _write(design: Design, source: str, out: Path) -> None:
     from acx4book.typesetting.svg import vector  # noqa: PLC0415 quick help
     from acx4files.results import whole_files  # noqa: PLC0415 quick help
 
-    design_tables = (
-        tables.parameter_table(design),
-        tables.covariance_table(design),
-        tables.reliability_table(design),
-        tables.check_point_table(design),
-    )
-    content = {f"{name}.csv": _csv(table) for name, table in zip(FILES, design_tables, strict=True)}
-    content["summary.json"] = json.dumps(tables.summary(design), indent=1) + "\n"
+    content = {
+        "parameters.csv": _csv(tables.parameter_table(design)),
+        "reliability.csv": _csv(tables.reliability_table(design)),
+        "rms.csv": _csv(tables.rms_table(design)),
+        "summary.json": json.dumps(tables.summary(design), indent=1) + "\n",
+    }
     drawing = vector(block_maps(*design.blocks.values()))
     content["plan.svg"] = drawing.replace("<svg ", '<svg style="background: #fff" ', 1) + "\n"
     content["plan.toml"] = source

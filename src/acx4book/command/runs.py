@@ -17,7 +17,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -29,7 +28,7 @@ from acx4files.flight.tables import name_fault
 from acx4files.results import folder, provenance, read_back, whole_files
 from acx4files.results.folder import NOTEBOOKS, PART_OF
 from acx4files.stages import order
-from acx4lib.errors import Acx4Error, FlightError, OutputError, visible
+from acx4lib.errors import Acx4Error, FlightError, OutputError, not_installed, visible
 from acx4lib.geometry.parameters import AXES, REPORTED
 from acx4lib.least_squares.processors import as_finished
 
@@ -163,9 +162,9 @@ def executor(jobs: int, cluster: str | None) -> Iterator[Executor]:
         distributed = importlib.import_module("distributed")  # it is optional
         client = distributed.Client(cluster, timeout=10, set_as_default=False)
     except ImportError:
-        lines = ["--cluster needs Dask, which is not installed: pip install 'acx4lib[cluster]'"]
-        raise FlightError(lines) from None
-    except (OSError, ValueError, TypeError) as error:
+        says = str(not_installed("--cluster", "distributed", "cluster"))
+        raise FlightError([says]) from None
+    except (OSError, ValueError) as error:
         says = f"--cluster {cluster}: no Dask scheduler answers ({error})"
         raise FlightError([" ".join(says.split())]) from None
     with client:
@@ -247,25 +246,19 @@ def _simulate(job: Job) -> None:
 
 
 def _row(results: Path) -> dict[str, str]:
-    """Return what the results say of the flight now kept there, by `COLUMNS`, as text."""
-    record, summary, row = provenance.read(results), folder.entries(results), dict[str, str]()
-    stages = [name for name, run in record.stages.items() if run["flight"] == record.digest]
-    if "mounting" in stages:
-        entry = summary.get(f"mounting/{METHOD}", {})
-        row |= {name: json.dumps(entry[name]) for name in _ADJUSTMENT if name in entry}
-        table = pd.read_csv(results / "parameters.csv", dtype=str, keep_default_na=False)
-        mine = table[(table["stage"] == "mounting") & (table["method"] == METHOD)]
-        for camera, name, value, sigma in mine[
-            ["camera", "parameter", "value", "sigma"]
-        ].to_numpy():
-            row |= {"camera": camera} if camera else {}
-            row |= {name: value, f"sigma_{name}": sigma}
-    if "validation" in stages:
-        entry = summary.get(f"validation/{METHOD}") or summary.get("validation/given", {})
-        row |= {"n_check_points": json.dumps(entry["n_points"])} if "n_points" in entry else {}
-        points: Any = entry.get("points") or {}
+    """Return what the results say of their flight, by `COLUMNS`, as text."""
+    summary, row = folder.entries(results), dict[str, str]()
+    entry = summary.get(f"mounting/{METHOD}", {})
+    row |= {name: json.dumps(entry[name]) for name in _ADJUSTMENT if name in entry}
+    table = pd.read_csv(results / "parameters.csv", dtype=str, keep_default_na=False)
+    mine = table[(table["stage"] == "mounting") & (table["method"] == METHOD)]
+    for camera, name, value, sigma in mine[["camera", "parameter", "value", "sigma"]].to_numpy():
+        row |= {name: value, f"sigma_{name}": sigma, **({"camera": camera} if camera else {})}
+    entry = summary.get(f"validation/{METHOD}") or summary.get("validation/given", {})
+    if "n_points" in entry:
+        row["n_check_points"] = json.dumps(entry["n_points"])
         for name, unit in _CHECKED.items():
-            found = zip(AXES, points.get(name) or (), strict=False)
+            found = zip(AXES, entry["points"][name], strict=True)
             row |= {f"{name}_{at}{unit}": json.dumps(x) for at, x in found if x is not None}
     return row
 

@@ -22,7 +22,7 @@ from threadpoolctl import threadpool_limits
 from acx4files.flight import reader
 from acx4files.flight.reader import Flight
 from acx4files.results import folder as results
-from acx4files.results import provenance, whole_files
+from acx4files.results import provenance, read_back, whole_files
 from acx4files.results.folder import NOTEBOOKS, PART_OF
 from acx4files.results.provenance import EXECUTED, FAILED, KEPT
 from acx4files.stages import heads, mounting, order, rig, validation
@@ -125,13 +125,13 @@ def run(
     flight = reader.read(flight_path)
     skipped = {stage: reason for stage in wanted if (reason := order.missing(flight, stage))}
     ran = order.ordered(flight, [stage for stage in wanted if stage not in skipped])
-    earlier_results = _earlier(calibration, flight) if str(calibration) else None
+    earlier = read_back.read_earlier(calibration, flight).origin if str(calibration) else None
     steps = (
         _computed(flight, folder, ran, str(calibration))
         if notebooks is None
         else _executed(notebooks, flight, folder, ("flight", *ran), str(calibration))
     )
-    provenance.begin(folder, flight, stages, calibration=earlier_results)
+    provenance.begin(folder, flight, stages, calibration=earlier)
     for kind in (EXECUTED, FAILED):
         for stage in ("flight", *wanted):
             (folder / kind / f"{NOTEBOOKS[stage]}.ipynb").unlink(missing_ok=True)
@@ -152,13 +152,6 @@ def run(
             *(line for key in NOTED for line in _messages(folder, done, key, done)),
         ),
     )
-
-
-def _earlier(calibration: str | Path, flight: Flight) -> Mapping[str, object]:
-    """Return the summary of the results of an earlier flight."""
-    from acx4files.results import read_back  # noqa: PLC0415 loads what adjusts
-
-    return read_back.read_earlier(calibration, flight).origin
 
 
 def _run_steps(
@@ -328,22 +321,17 @@ def _synthetic(flight: Flight, staging: Path) -> object:
     return synthetic.run(flight, staging)
 
 
-RUNS: Mapping[str, Callable[[Flight, Path], object]] = {
-    "heads": heads.run,
-    "synthetic": _synthetic,
-    "mounting": mounting.run,
-    "rig": rig.run,
-    "validation": validation.run,
-}
-"""Functions that compute and write the results of every stage."""
-
-
 def _computed(
     flight: Flight, folder: Path, stages: Sequence[str], calibration: str
 ) -> dict[str, Step]:
     """Return the step of each stage that calls its function."""
-    validate = partial(validation.run, calibration_path=calibration)
-    runs: dict[str, Callable[[Flight, Path], object]] = {**RUNS, "validation": validate}
+    runs: dict[str, Callable[[Flight, Path], object]] = {
+        "heads": heads.run,
+        "synthetic": _synthetic,
+        "mounting": mounting.run,
+        "rig": rig.run,
+        "validation": partial(validation.run, calibration_path=calibration),
+    }
     return {stage: partial(_compute, runs[stage], flight, folder) for stage in stages}
 
 

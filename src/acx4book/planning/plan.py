@@ -93,18 +93,6 @@ class Strip:
         """Number of exposures, one at least."""
         return 1 + int(np.ceil(self.length_m / self.base_m - 1e-6))
 
-    def beside(self, left_m: float, block_course_deg: float) -> Strip:
-        """Return the strip moved to its own left."""
-        turn = np.radians(self.course_deg - block_course_deg)
-        forward, left = left_m * np.sin(turn), left_m * np.cos(turn)
-        return replace(
-            self, forward_m=self.forward_m + float(forward), left_m=self.left_m + float(left)
-        )
-
-    def turned(self, by_deg: float) -> Strip:
-        """Return the strip flown on another course through the same middle."""
-        return replace(self, course_deg=(self.course_deg + by_deg) % 360.0)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Area:
@@ -130,7 +118,7 @@ class Points:
     Attributes
     ----------
     layout : str
-        ``grid``, ``corners``, ``border`` or ``at``: see `places`.
+        ``grid``, ``corners`` or ``at``: see `places`.
     number : tuple of int
         Rows and columns of a grid, or how many points.
     area_m : tuple of float
@@ -337,13 +325,6 @@ def strip_of(
 # --- A plan as a TOML file: read, with everything that is wrong named by its line, and written
 
 
-MOST_PROJECTED = 20_000_000
-"""Largest product of a block's images and points, for time and memory."""
-
-MOST_EXPOSURES = 1_000
-"""Largest number of exposures of a block: all may overlap, and the normal matrix is then full."""
-
-
 def read(path: str | Path) -> Plan:
     """Return the plan in a TOML file.
 
@@ -366,7 +347,7 @@ def checked(toml: Toml) -> Plan:
     if problems:
         raise FlightError(lines_of(problems))
     plan = _plan(toml, setup_of(toml))
-    problems = [*_size_problems(toml, plan)]
+    problems = [*_flying_problems(toml, plan)]
     if problems:
         raise FlightError(lines_of(problems))
     return plan
@@ -441,9 +422,21 @@ def _strips(
         spacing = float(table.get("spacing_m", 0.0))
         if "side_overlap" in table:
             spacing = (1 - table["side_overlap"]) * image_length_m(camera, height, across=True)
+        if n == 1:
+            yield name, strip
+            continue
+        turn = np.radians(strip.course_deg - area.course_deg)
         for i in range(n):
-            moved = strip.beside((0.5 * (n - 1) - i) * spacing, area.course_deg)
-            yield (f"{name}-{i + 1}", moved.turned(180.0 * (i % 2))) if n > 1 else (name, strip)
+            beside = (0.5 * (n - 1) - i) * spacing  # to the left of the strip's own course
+            yield (
+                f"{name}-{i + 1}",
+                replace(
+                    strip,
+                    forward_m=strip.forward_m + float(beside * np.sin(turn)),
+                    left_m=strip.left_m + float(beside * np.cos(turn)),
+                    course_deg=(strip.course_deg + 180.0 * (i % 2)) % 360.0,
+                ),
+            )
 
 
 def _place_problems(toml: Toml, plan: Plan, block: PlannedBlock) -> Iterator[Problem]:
@@ -459,17 +452,10 @@ def _place_problems(toml: Toml, plan: Plan, block: PlannedBlock) -> Iterator[Pro
         yield toml.problem((key, "east_m"), place, f"must be metres where {grid.crs} is meant for")
 
 
-def _size_problems(toml: Toml, plan: Plan) -> Iterator[Problem]:
+def _flying_problems(toml: Toml, plan: Plan) -> Iterator[Problem]:
+    """Yield blocks that cannot be flown where, or with what, they are planned."""
     for name, block in plan.blocks.items():
         yield from _place_problems(toml, plan, block)
-        n = sum(strip.n_exposures for strip in block.strips.values())
-        if n > MOST_EXPOSURES:
-            count = f"{n} exposures"
-            yield toml.problem((name, "strips"), count, f"must be at most {MOST_EXPOSURES}")
-        elif n * len(plan.cameras(name)) * block.tie_points > MOST_PROJECTED:
-            count = f"{n} exposures and {block.tie_points} tie points"
-            limit = f"images times tie points must be at most {MOST_PROJECTED}"
-            yield toml.problem((name, "tie_points"), count, limit)
         if name == "heads" and plan.setup.synthetic is None and len(plan.setup.cameras) < 2:
             count, cure = "one camera", "heads are several; a single camera is flown in calibration"
             yield toml.problem((name,), count, cure)
@@ -494,7 +480,7 @@ MOST_STRIPS = 500
 
 EXAMPLE = "{flying_height_m = 600, course_deg = 0, length_m = 600, overlap = 0.8}"
 
-LAYOUTS = ("grid", "corners", "border", "at")
+LAYOUTS = ("grid", "corners", "at")
 
 _COURSE = Range(-360.0, 360.0)
 _COUNT = Range(0, 500, "must be a whole number up to 500", whole=True)
@@ -531,7 +517,7 @@ def _number_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
     """Yield problems of the number of points; its form depends on their layout."""
     layout = toml.table(*keys[:-1]).get("layout", "grid")
     alone = number(_FIRST if layout == "corners" else _COUNT)
-    listed = layout == "grid" or (layout not in LAYOUTS[1:3] and isinstance(toml.get(*keys), list))
+    listed = layout == "grid" or (layout != "corners" and isinstance(toml.get(*keys), list))
     yield from (numbers(2, _COUNT) if listed else alone).problems(toml, keys)
 
 
@@ -564,26 +550,17 @@ def _block_problems(toml: Toml, _: Keys) -> Iterator[Problem]:
         yield toml.problem(("calibration",), "no block at all", f"needs one of {', '.join(BLOCKS)}")
 
 
-def _table_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
-    if not isinstance(toml.get(*keys), dict):
-        yield toml.problem(keys, quoted(toml.get(*keys)), "must be a table")
-
-
 def _truth_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
     """Yield problems of the true cameras, checked as cameras of flight.toml."""
     cameras = toml.table("cameras")
-    yield from Table(keys=dict.fromkeys(cameras, Value("table", _table_problems))).problems(
-        toml, keys
-    )
     for name, table in toml.table(*keys).items():
-        if isinstance(cameras.get(name), dict) and isinstance(table, dict):
-            camera_keys, changed = ("cameras", name), {**cameras, name: {**cameras[name], **table}}
-            true = replace(toml, values={**toml.values, "cameras": changed})
-            before = {(p.column, p.found) for p in CAMERA.problems(toml, camera_keys)}
-            for problem in CAMERA.problems(true, camera_keys):
-                if (problem.column, problem.found) not in before:
-                    key = problem.column.rpartition(".")[2]
-                    yield toml.problem((*keys, name, key), problem.found, problem.expected)
+        if name not in cameras or not isinstance(table, dict):
+            yield toml.problem((*keys, name), "unknown key", f"must be one of {', '.join(cameras)}")
+            continue
+        changed = {**toml.values, "cameras": {**cameras, name: {**cameras[name], **table}}}
+        for problem in CAMERA.problems(replace(toml, values=changed), ("cameras", name)):
+            key = problem.column.rpartition(".")[2]
+            yield toml.problem((*keys, name, key), problem.found, problem.expected)
 
 
 _AREA: Entries = {
@@ -687,18 +664,15 @@ def places(points: Points) -> Array:
     """Return where surveyed points lie, forward and left of the block's middle, m, shape (n, 2).
 
     A ``grid`` has rows along and columns across the axis forward. ``corners`` takes the first of
-    the four corners, the middle, and the middles of the four sides. ``border`` goes around the
-    rectangle in equal steps from a corner. ``at`` lists them.
+    the four corners, the middle, and the middles of the four sides. ``at`` lists them.
     """
     half = 0.5 * np.array(points.area_m)
     if points.layout == "at":
         return np.array(points.at_m, dtype=float).reshape(-1, 2)
     if points.layout == "grid":
         regular = _grid(points.number, half)
-    elif points.layout == "corners":
-        regular = half * _CORNERS[: points.number[0]]
     else:
-        regular = half * _around(np.arange(points.number[0]) / max(points.number[0], 1))
+        regular = half * _CORNERS[: points.number[0]]
     play = evenly(len(regular), first=0) * 2 - 1
     return regular + points.play_m * play
 
@@ -711,13 +685,6 @@ def _grid(number: Sequence[int], half: Array) -> Array:
         )
     )
     return np.column_stack([forward.ravel(), left.ravel()])
-
-
-def _around(way: Array) -> Array:
-    """Return points on the border of the square from -1 to 1; `way` is 0 to 1 around it."""
-    corners = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
-    ways = np.linspace(0.0, 1.0, 5)
-    return np.column_stack([np.interp(way, ways, corners[:, k]) for k in range(2)])
 
 
 def evenly(n: int, *, first: int = 1) -> Array:

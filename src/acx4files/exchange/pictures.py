@@ -217,11 +217,8 @@ def _alike(taken: Sequence[Tags]) -> tuple[list[Tags], list[str]]:
     kinds = Counter(picture.kind for picture in taken)
     usual = max(kinds, key=lambda kind: (kinds[kind], kind))
     others = [picture.path.name for picture in taken if picture.kind != usual]
-    width, height, samples, bits = usual
-    message = (
-        f"{number_of(len(others), 'pictures')} of another kind than {width} x {height} px, "
-        f"{samples} x {bits} bit: {_some(others)}"
-    )
+    kind = "{} x {} px, {} x {} bit".format(*usual)
+    message = f"{number_of(len(others), 'pictures')} of another kind than {kind}: {_some(others)}"
     alike = [picture for picture in taken if picture.kind == usual]
     return alike, [message] if others else []
 
@@ -393,16 +390,10 @@ def _warnings(
     shots: Sequence[_Shot], taken: Sequence[Tags], lenses: Mapping[str, Lens]
 ) -> Iterator[str]:
     """Yield what may be wrong in marks, sizes, headings and lenses."""
-    flags = [shot.mark.flag for shot in shots if shot.mark is not None]
-    if bad := Counter(flag for flag in flags if flag != FIXED):
-        kinds = ", ".join(
-            f"{n} with flag {flag} ({FLAGS.get(flag, 'not fixed')})"
-            for flag, n in sorted(bad.items())
-        )
-        yield (
-            f"positions of {number_of(len(flags), 'exposures')} are by Timestamp.MRK, of which "
-            f"not all are fixed: {kinds}"
-        )
+    flags = Counter(shot.mark.flag for shot in shots if shot.mark is not None)
+    if flags.keys() - {FIXED}:
+        kinds = ", ".join(f"{n} with flag {flag}" for flag, n in sorted(flags.items()))
+        yield f"positions by Timestamp.MRK: {kinds}; 50 is fixed, 34 float, 16 single"
     sizes = Counter(
         (tags.width_px, tags.height_px, width, height)
         for tags in taken
@@ -504,7 +495,6 @@ def _found(shots: Sequence[_Shot], lenses: Mapping[str, Lens]) -> Iterator[str]:
     n = sum(len(shot.taken) for shot in shots)
     whole = sum(len(shot.taken) == len(lenses) for shot in shots)
     f = [lens.camera.interior.f for lens in lenses.values()]
-    worst = max((lens.fitted for lens in lenses.values()), key=lambda fitted: fitted.largest_px)
     yield (
         f"{number_of(n, 'pictures')} of {number_of(len(lenses), 'heads')} at "
         f"{number_of(len(shots), 'exposures')}, {whole} of these complete"
@@ -513,7 +503,6 @@ def _found(shots: Sequence[_Shot], lenses: Mapping[str, Lens]) -> Iterator[str]:
         f"focal lengths {min(f):.3f} to {max(f):.3f} mm; "
         f"{'; '.join(dict.fromkeys(lens.said for lens in lenses.values()))}"
     )
-    yield f"lenses rewritten with k1 to p2 of the flight leave {worst}"
     yield from _clock(shots)
     above = ((shot, shot.tags.number(metadata.ABOVE_TAKE_OFF)) for shot in shots)
     if ground := [shot.place[2] - height for shot, height in above if height is not None]:
@@ -533,7 +522,6 @@ def _found(shots: Sequence[_Shot], lenses: Mapping[str, Lens]) -> Iterator[str]:
 
 
 FIXED = 50
-FLAGS = {0: "none", 16: "single", 34: "float"}
 
 _NUMBER = r"\s*([-+\d.eE]++)\s*"
 _LINE = re.compile(

@@ -18,7 +18,7 @@ from typing import Any, Protocol, TypeVar, get_type_hints
 import numpy as np
 
 from acx4files.exchange import coordinates
-from acx4files.exchange.coordinates import stacked
+from acx4files.exchange.coordinates import UNKNOWN, stacked
 from acx4files.exchange.flight_folder import ImportedFlight, number_of
 from acx4files.exchange.lens import NOMINAL_UM, WARNED_PX, WORST_PX, Lens, Refitted, too_far
 from acx4files.exchange.options import Allow, BlockOfProject, PixelUmOfProject
@@ -60,6 +60,9 @@ START_VALUES = (
     "they are start values without sigma, and nothing observes them"
 )
 
+FAILED_PX = 3.0
+"""Distance, rms, of a program's own points from their measurements above which a proof fails."""
+
 NOWHERE = np.full(3, np.nan)
 
 SHOWN = 8
@@ -94,6 +97,18 @@ class Images:
     exposures: tuple[str, ...] = ()
     T_w_c: Pose = field(default_factory=lambda: stacked([]))
     enabled: Mask | None = None
+
+    @classmethod
+    def of(
+        cls, rows: Iterable[tuple[str, str, str, Pose | None]], enabled: Mask | None = None
+    ) -> Images:
+        """Return images from name, camera, exposure and orientation, if any, of each."""
+        listed = [*rows]
+        if not listed:
+            return cls()
+        names, cameras, exposures, poses = zip(*listed, strict=True)
+        T_w_c = stacked([UNKNOWN if pose is None else pose for pose in poses])
+        return cls(names=names, cameras=cameras, exposures=exposures, T_w_c=T_w_c, enabled=enabled)
 
     @property
     def used(self) -> Mask:
@@ -182,11 +197,14 @@ class Proof:
     measured : Measured
     T_w_c : Pose, optional
         Of all images in the frame of the points; by default the project's.
+    is_own : bool
+        Whether the program has the points from these poses and lenses, so that they must fit.
     """
 
     whose: str
     measured: Measured
     T_w_c: Pose | None = None
+    is_own: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -333,6 +351,7 @@ def flight_of(
     }
     if rows:
         fitted = {name: lens for name, lens in fitted.items() if name in listed["camera"]}
+    proved, failed = _proved(project, {name: one.camera for name, one in fitted.items()})
     cameras = {name: dict(sensor) for name, sensor in project.sensors.items()}
     cameras |= {name: refitted.table for name, refitted in fitted.items()}
     settings = dict(project.settings)
@@ -359,10 +378,13 @@ def flight_of(
         sha256=checksums(project.sources),
         settings=settings,
         tables={name: table for name, table in tables.items() if table is not None},
-        warnings=tuple(
-            f"the lens of {name} differs from the program's by {refitted.left}"
-            for name, refitted in fitted.items()
-            if refitted.left.largest_px > WARNED_PX
+        warnings=(
+            *failed,
+            *(
+                f"the lens of {name} differs from the program's by {refitted.left}"
+                for name, refitted in fitted.items()
+                if refitted.left.largest_px > WARNED_PX
+            ),
         ),
         assumed=(*project.assumed, *_sizes(project, fitted, pixel_um), *flown.assumed),
         found=(
@@ -370,7 +392,7 @@ def flight_of(
             *project.found,
             *flown.found,
             *_of_lenses(project, fitted),
-            *_proved(project, {name: refitted.camera for name, refitted in fitted.items()}),
+            *proved,
         ),
         lenses=[refitted.row for refitted in fitted.values()] if len(fitted) > SHOWN else (),
         left_out=(
@@ -544,35 +566,43 @@ def _of_lenses(project: Project, fitted: Mapping[str, Refitted]) -> Iterator[str
     )
 
 
-def _proved(project: Project, cameras: Mapping[str, Camera]) -> tuple[str, ...]:
-    """Return sentences: how well the program's own points agree with the imported cameras."""
-    texts = [_said(project.images, cameras, proof) for proof in project.proofs]
-    sentences = tuple(text for text in texts if text)
-    if project.images.names and project.lenses and not sentences:
-        return ("nothing proves the conventions: the files lack points, measurements, or poses",)
-    return sentences
+def _proved(project: Project, cameras: Mapping[str, Camera]) -> tuple[list[str], list[str]]:
+    """Return sentences: how well the program's own points agree with the imported cameras.
+
+    The second are those of points that do not agree.
+    """
+    said, failed = list[str](), list[str]()
+    for proof in project.proofs:
+        how, apart = _apart(project.images, cameras, proof)
+        if len(apart):
+            said.append(how.format(_said_of(apart)))
+            if proof.is_own and np.nanmean(np.append(apart**2, 0.0)) > FAILED_PX**2:
+                failed.append(
+                    f"{said[-1]}: poses, lenses or points are not what they are taken for"
+                )
+    if project.images.names and project.lenses and not said:
+        said.append("nothing proves the conventions: the files lack points, measurements, or poses")
+    return said, failed
 
 
-def _said(images: Images, cameras: Mapping[str, Camera], proof: Proof) -> str:
-    whose, measured = proof.whose, proof.measured
+def _apart(images: Images, cameras: Mapping[str, Camera], proof: Proof) -> tuple[str, Array]:
+    """Return a sentence without its size, and the distances of the points of a proof, px."""
+    measured = proof.measured
     known = np.array([name in cameras for name in images.cameras], dtype=bool) & images.oriented
     usable = measured.where(known)
     if measured.x_w is not None:
         has_place = np.asarray(np.isfinite(measured.x_w).all(axis=1))
         usable = usable.some(has_place[usable.point_idx])
-    if not len(usable.colrow):
-        return ""
     names = np.array([images.cameras[i] for i in usable.image_idx])
     T_w_c = (images.T_w_c if proof.T_w_c is None else proof.T_w_c)[usable.image_idx]
     if measured.x_w is not None:
         apart = misfits(cameras, names, T_w_c, measured.x_w[usable.point_idx], usable.colrow)
-        return f"{whose} are reprojected by the cameras as imported to {_said_of(apart)}"
+        return f"{proof.whose} are reprojected by the cameras as imported to {{}}", apart
+    if not len(names):
+        return "", np.zeros(0)
     x_w = _intersected(cameras, names, T_w_c, usable, len(measured.points))[usable.point_idx]
-    several = np.isfinite(x_w[:, 0])
-    if not several.any():
-        return ""
-    apart = misfits(cameras, names, T_w_c, x_w, usable.colrow)[several]
-    return f"{whose} meet in a point to {_said_of(apart)}, by the cameras as imported"
+    apart = misfits(cameras, names, T_w_c, x_w, usable.colrow)[np.isfinite(x_w[:, 0])]
+    return f"{proof.whose} meet in a point to {{}}, by the cameras as imported", apart
 
 
 def misfits(

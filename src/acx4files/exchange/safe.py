@@ -11,7 +11,6 @@ import hashlib
 import io
 import json
 import re
-import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator
@@ -277,7 +276,7 @@ def cut(text: str, separator: str | None = None) -> tuple[str, ...]:
     return tuple(cell.strip() for cell in row)
 
 
-# --- Binary files: records of one layout, or values one after another
+# --- Binary files
 
 
 def records(source: Opened, layout: np.dtype[Any]) -> NDArray[Any]:
@@ -299,49 +298,6 @@ def records(source: Opened, layout: np.dtype[Any]) -> NDArray[Any]:
         expected = f"must be a multiple of {layout.itemsize}, one record; is it cut off?"
         raise source.wrong("file", f"has {size} bytes", expected)
     return np.frombuffer(source.data, dtype=layout)
-
-
-@dataclass(kw_only=True)
-class Cursor:
-    """A place in a binary file, from which values are taken.
-
-    Attributes
-    ----------
-    source : Opened
-    at : int
-        Bytes before it.
-    """
-
-    source: Opened
-    at: int = 0
-
-    def take(self, layout: str, element: str) -> tuple[Any, ...]:
-        """Return the next values, by a layout of `struct`; `element` is their name in messages."""
-        begin = self._skip(struct.calcsize(layout), element)
-        return struct.unpack_from(layout, self.source.data, begin)
-
-    def array(self, layout: np.dtype[Any], n: int, element: str) -> NDArray[Any]:
-        """Return the next `n` records of a layout."""
-        begin = self._skip(n * layout.itemsize, element)
-        return np.frombuffer(self.source.data, dtype=layout, count=n, offset=begin)
-
-    def text(self, element: str) -> str:
-        """Return the next text, which a null byte ends."""
-        end = self.source.data.find(b"\0", self.at)
-        begin = self._skip(end + 1 - self.at if end >= 0 else -1, element)
-        try:
-            return self.source.data[begin:end].decode("utf-8")
-        except UnicodeDecodeError:
-            raise self.source.wrong(element, f"text at byte {begin}", "must be UTF-8") from None
-
-    def _skip(self, size: int, element: str) -> int:
-        """Move on, and return where that began."""
-        left = len(self.source.data) - self.at
-        if not 0 <= size <= left:
-            fault = f"at byte {self.at}: {left} bytes are left"
-            raise self.source.wrong(element, fault, "must be complete; is the file cut off?")
-        self.at += size
-        return self.at - size
 
 
 # --- JSON as a tree whose nodes know their place: the keys that lead to them, and the line

@@ -73,7 +73,7 @@ def read_columns(
     if blank := len(widths) - used:
         notes.append(f"{file}: {blank} blank line{'s' * (blank > 1)} at the end")
     notes += [] if text.endswith("\n") else [f"{file}: {NO_END}"]
-    problems += tuple(_width_problems(file, lines, widths[:used], len(header)))
+    problems += tuple(width_problems(file, lines, widths[:used], len(header)))
     return replace(
         checked(replace(table, problems=problems, notes=tuple(notes)), cells, schema),
         whole=bool(whole.all()),
@@ -175,14 +175,25 @@ def _extra_notes(file: str, header: Sequence[str], schema: Schema) -> Iterator[s
         yield f"{file}: {len(extra) - SHOWN} more columns are not read"
 
 
-def _width_problems(
-    file: str, lines: Sequence[int], widths: Sequence[int], n: int
+def width_problems(
+    file: str, lines: Sequence[int], widths: Sequence[int], n: int, hint: str = "a decimal comma?"
 ) -> Iterator[Problem]:
-    """Yield blank lines between others, and rows of another width than the header."""
+    """Yield blank lines between others, and rows of another width than the header.
+
+    Parameters
+    ----------
+    file : str
+    lines, widths : sequence of int
+        Line and number of cells of every row; a blank one has no cell.
+    n : int
+        Number of cells of the header.
+    hint : str
+        Why a row may have more.
+    """
 
     def wrong(k: int) -> Problem:
-        hint = "cut off?" if widths[k] < n else "a decimal comma?"
-        fault = f"has {widths[k]} cells ({hint})" if widths[k] else "is blank"
+        why = "cut off?" if widths[k] < n else hint
+        fault = f"has {widths[k]} cells ({why})" if widths[k] else "is blank"
         expected = f"as many as the header: {n}"
         return Problem(file=file, line=lines[k], column="row", found=fault, expected=expected)
 

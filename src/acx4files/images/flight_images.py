@@ -25,7 +25,7 @@ from acx4files.results import folder as results
 from acx4files.results import provenance, whole_files
 from acx4files.results.read_back import read_relative_orientation
 from acx4files.results.whole_files import file_stem
-from acx4lib.calibration.heads import RelativeOrientation, not_calibrated
+from acx4lib.calibration.heads import RelativeOrientation, can_be_calibrated
 from acx4lib.errors import AdjustmentError, FlightError, OutputError
 from acx4lib.expected import Raster
 from acx4lib.geometry.camera import Camera
@@ -242,7 +242,7 @@ def read_rig(flight: Flight, results_path: Path) -> SyntheticRig:
 
 def _read_orientation(flight: Flight, results_path: Path) -> tuple[str, RelativeOrientation]:
     heads = flight.blocks.get("heads")
-    is_measured = heads is None or not not_calibrated(heads)
+    is_measured = heads is None or can_be_calibrated(heads)
     before = ["heads"] if is_measured else ["synthetic"]  # heads as declared have no stage heads
     run_results = provenance.results_before(results_path, before, flight)
     if is_measured and results.has(run_results, "synthetic"):

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from acx4files.flight.block_from_tables import index_of
 from acx4files.flight.reader import Flight
@@ -61,25 +62,22 @@ def read_relative_orientation(
         Where the folder does not have the heads.
     """
     names = folder.cameras(found, stage_method)
-    values = np.array(
-        [folder.parameters(found, stage_method, n)["value"].loc[list(RELATIVE)] for n in names]
-    )
+    listed = folder.rows(found, "parameters", stage_method).set_index(["camera", "parameter"])
+    values = np.array([[listed["value"][name, key] for key in RELATIVE] for name in names])
     cov = folder.covariance(found, stage_method)
     labels, scale = joint_names(names, np.radians(1.0))
     joint = cov.reindex(index=labels, columns=labels, fill_value=0.0).to_numpy()
     entry = found.summary.get(stage_method, {})
     heads = [cameras[name] for name in names]
-    calibrated = next(
-        (source for source in ("heads/bundle", "mounting/rig") if folder.has(found, source)), ""
-    )
-    if calibrated == "heads/bundle" or folder.has(found, "heads"):  # a rig that left the heads
-        heads = [_estimated(found, calibrated, head) for head in heads]
+    if folder.has(found, "heads"):
+        source = "heads/bundle" if folder.has(found, "heads/bundle") else "mounting/rig"
+        heads = [_estimated(found, source, head) for head in heads]
     return RelativeOrientation(
         heads=tuple(heads),
         xyz_mm=values[:, :3],
         opk=np.radians(values[:, 3:]),
         cov_joint=joint * scale[:, None] * scale,
-        n_exposures=int(str(entry.get("n_exposures", 0))),
+        n_exposures=entry.get("n_exposures", 0),
         turns=_turns(entry),
     )
 
@@ -102,7 +100,7 @@ def read_calibration(
 ) -> Calibration:
     """Read a calibration from a results folder.
 
-    The inverse of `rows.calibration_tables`.
+    The inverse of `tables.calibration_tables`.
 
     Parameters
     ----------
@@ -118,18 +116,13 @@ def read_calibration(
         Where the folder does not have the method.
     """
     estimated = tuple(_estimated(found, stage_method, camera) for camera in cameras)
-    columns = np.full((len(cameras), len(INTERIOR) + len(MOUNT)), -1)
     whole = folder.covariance(found, stage_method)
-    reported_names = [name for name, _ in REPORTED.values()]
-    mine = {f"{camera.name}/{name}" for camera in cameras for name in reported_names}
-    names = [label for label in whole.index if label in mine]
-    row_of = {label: i for i, label in enumerate(names)}
-    for k, camera in enumerate(cameras):
-        for j, key in enumerate((*INTERIOR, *MOUNT)):
-            label = f"{camera.name}/{REPORTED[key][0]}"
-            columns[k, j] = row_of.get(label, -1)
+    keys = [REPORTED[key][0] for key in (*INTERIOR, *MOUNT)]
+    labels = [f"{camera.name}/{key}" for camera in cameras for key in keys]
+    names = whole.index[whole.index.isin(labels)]
+    columns = names.get_indexer(pd.Index(labels)).reshape(len(cameras), len(keys))
     entry = found.summary[stage_method]
-    sigma0_sq = float(str(entry["sigma0_squared"]))
+    sigma0_sq = float(entry["sigma0_squared"])
     reported = Calibration(
         cameras=estimated,
         layout=Layout(
@@ -192,9 +185,7 @@ def calibrated_methods(found: folder.Results, methods: Sequence[str] = METHODS) 
     return tuple(
         method
         for method, entry in entries.items()
-        if entry.get("converged")
-        and not folder.messages(entry, "not_determined")
-        and not folder.messages(entry, "stopped")
+        if entry.get("converged") and not entry.get("not_determined") and not entry.get("stopped")
     )
 
 

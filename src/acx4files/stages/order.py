@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from acx4files.flight.reader import Flight
 from acx4lib.block import unobserved
-from acx4lib.calibration.heads import not_calibrated
+from acx4lib.calibration.heads import can_be_calibrated
 
 DECISIVE = ("heads/bundle", "mounting/single_step")
 """Methods that must be determined; the others are left out where they are not."""
@@ -33,7 +33,7 @@ def ordered(flight: Flight, parts: Sequence[str]) -> tuple[str, ...]:
     ----------
     flight : Flight
     parts : sequence of str
-        Of `table_files.NOTEBOOKS`, in the order of these.
+        Of `folder.NOTEBOOKS`, in the order of these.
     """
     if "rig" not in parts or "synthetic" not in parts or not rig_leads(flight):
         return tuple(parts)
@@ -48,7 +48,7 @@ def rig_leads(flight: Flight) -> bool:
     return (
         block is not None
         and bool(flight.transferred)
-        and bool(not_calibrated(block))
+        and not can_be_calibrated(block)
         and not missing(flight, "rig")
     )
 
@@ -69,9 +69,13 @@ def missing(flight: Flight, stage: str) -> str:
 
 def _unmeasured(flight: Flight, stage: str, block: str) -> str:
     """Return a message on measurements that a stage lacks in its block; empty without any."""
-    of_heads = not_calibrated(flight.blocks[block]) if stage == "heads" else ""
-    if of_heads or not len(flight.blocks[block].image_points):
-        reason = of_heads or f"nothing is measured in block {block}"
+    measured, n = len(flight.blocks[block].image_points), len(flight.blocks[block].control)
+    few = stage == "heads" and not can_be_calibrated(flight.blocks[block])
+    if few or not measured:
+        reason = f"nothing is measured in block {block}"
+        if measured:
+            shown = f"{n or 'no'} control point{' is' if n == 1 else 's are'}"
+            reason = f"{shown} measured in block {block}, and three are needed"
         in_rig = stage == "heads" and rig_leads(flight)
         how = "calibrated together, as a rig" if in_rig else "as flight.toml has them"
         return f"{reason}; its heads are {how}"

@@ -15,7 +15,7 @@ from acx4files.results.read_back import read_relative_orientation
 from acx4files.stages.pictures import FoundTies, find, read_pictures
 from acx4lib import shown
 from acx4lib.attempts import Failed, attempt
-from acx4lib.calibration.heads import RelativeOrientation, declared_orientation, not_calibrated
+from acx4lib.calibration.heads import RelativeOrientation, can_be_calibrated, declared_orientation
 from acx4lib.errors import AdjustmentError
 from acx4lib.synthetic_image.transferred_points import TransferredPoints, transfer
 from acx4lib.tie_points.refinement import FREE, Refined, refine_by_rotations
@@ -158,7 +158,7 @@ def read_heads(flight: Flight, results_path: str | Path) -> RelativeOrientation:
         Where it could not orient the heads.
     """
     synthetic = flight.synthetic_camera
-    calibrated = not not_calibrated(flight.block("heads"))
+    calibrated = can_be_calibrated(flight.block("heads"))
     entry = folder.entries(Path(results_path)).get(ORIENTED, {})
     reasons = folder.messages(entry, "left_out")
     if synthetic is not None and not calibrated and (reasons or not entry):

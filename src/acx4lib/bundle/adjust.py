@@ -10,7 +10,7 @@ Uses differ in how the images are oriented (sections 2.1 and 2.2):
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -38,7 +38,7 @@ from acx4lib.bundle.start import (
     with_estimates,
     with_measurements,
 )
-from acx4lib.bundle.unknowns import Layout, State, holding, layout
+from acx4lib.bundle.unknowns import Layout, State, layout
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import SMALLEST_F_MM, Camera, mountings
@@ -61,8 +61,6 @@ def free_orientation(
     *,
     positions: PoseObservations | None = None,
     start: State | None = None,
-    held: Sequence[str] = (),
-    smallest_angle: float | None = None,
 ) -> Network:
     """Set up a self-calibrating bundle: every image's exterior orientation is free.
 
@@ -79,21 +77,14 @@ def free_orientation(
         Where to begin, by another adjustment of the block: interior orientations, the poses of the
         images' cameras, and points, NaN where it has none. The trajectory still decides which
         points are used, unless it is far off and this is not.
-    held : sequence of str
-        Names of images whose poses are known without error, those of `start` or of the trajectory.
-    smallest_angle : float, optional
-        Radians, in the place of the block's: tie points whose rays meet at less are left out; 0
-        keeps all.
 
     Raises
     ------
     AdjustmentError
         As `start.resected`, where the block has no trajectory and there is no start.
     ValueError
-        For an unknown name in `held`, or if there is not one position, or start, per image.
+        If there is not one position, or start, per image.
     """
-    if smallest_angle is not None:
-        block = replace(block, smallest_angle=smallest_angle)
     n_images = len(block.images)
     if start is None and np.isnan(block.trajectory.T_m_b.r).all():
         block = resected(block)
@@ -112,13 +103,7 @@ def free_orientation(
         observed=positions or _unobserved(T_m_c),
         at=_declared(block, T_m_c, identity),
     )
-    if start is not None:
-        network = _beginning_near(network, replace(start, T_b_c=identity))
-    if not held:
-        return network
-    expected.names_of("held", held, block.images.names)
-    images = np.array([block.images.names.index(name) for name in held])
-    return with_held_poses(network, held, (T_m_c if start is None else start.T_m_b)[images])
+    return network if start is None else _beginning_near(network, replace(start, T_b_c=identity))
 
 
 def _unobserved(T_m_b: Pose) -> PoseObservations:
@@ -191,52 +176,6 @@ def mounted_orientation(
         at=_declared(block, trajectory.T_m_b[rows], mountings(block.cameras)),
     )
     return network if start is None else _beginning_near(network, start)
-
-
-def with_held_poses(network: Network, names: Sequence[str], T_m_b: Pose) -> Network:
-    """Return a network in which some poses are held: known without error, and not estimated.
-
-    Parameters
-    ----------
-    network : Network
-    names : sequence of str
-        Names of its poses: of images with `free_orientation`, whose poses are the cameras'; of
-        exposures with `mounted_orientation`, whose poses are the body's.
-    T_m_b : Pose
-        Their poses, one for each name.
-
-    Raises
-    ------
-    ValueError
-        For a name that the network does not have, or that comes twice, or if there is not one
-        pose for each.
-    """
-    expected.names_of("names", names, network.pose_names)
-    expected.different("names", names)
-    expected.shape("T_m_b.r", T_m_b.r, (len(names), 3))
-    places = [network.pose_names.index(name) for name in names]
-    columns, observed, start = network.layout.pose[places], network.observed, network.start
-    held = replace(
-        network,
-        layout=holding(network.layout, columns[columns >= 0]),
-        observed=replace(
-            observed,
-            T_m_b=_with_poses(observed.T_m_b, places, T_m_b),
-            sigma_position=_with_rows(observed.sigma_position, places, np.inf),
-            sigma_attitude=_with_rows(observed.sigma_attitude, places, np.inf),
-        ),
-    )
-    return with_measurements(held, replace(start, T_m_b=_with_poses(start.T_m_b, places, T_m_b)))
-
-
-def _with_poses(T: Pose, rows: Sequence[int], new: Pose) -> Pose:
-    return Pose(R=_with_rows(T.R, rows, new.R), r=_with_rows(T.r, rows, new.r))
-
-
-def _with_rows(values: Array, rows: Sequence[int], new: Array | float) -> Array:
-    out = values.copy()
-    out[rows] = new
-    return out
 
 
 def _declared(block: Block, T_m_b: Pose, T_b_c: Pose) -> State:

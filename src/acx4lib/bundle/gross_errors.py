@@ -6,7 +6,7 @@ their rays are removed first.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
@@ -120,84 +120,57 @@ def adjust_rejecting(
     expected.one_of("sigma0", sigma0, ("known", "estimated"))
     network = prepared(set_up(block))
     absurd = _absurd_control(network)
-    if len(absurd):
-        network = prepared(set_up(without(block, _taken_out(absurd))))
+    if absurd:
+        network = prepared(set_up(without(block, absurd)))
     observed = _observations(network)
     test = partial(_judge, w_limits if sigma0 == "known" else tau_limits, critical)
-    bundle, search = _first(network, _nothing_out(len(observed.kind)), test)
-    verdict, iterations = test(bundle, search.out), bundle.solution.iterations
+    bundle, out = _first(network, test)
+    search = _Search(out=out, w=np.zeros(len(out)), returned=np.zeros_like(out))
+    verdict, iterations = test(bundle, out), bundle.solution.iterations
     for _ in range(MOST_ROUNDS):
         fits = ~(_misfits_after(bundle, search.out) > SUSPECT)
         following = _next(search, observed, verdict, fits)
         if np.array_equal(following.out, search.out):
             break
-        bundle, search = _following(network, bundle.state, search, following)
-        verdict, iterations = test(bundle, search.out), iterations + bundle.solution.iterations
+        try:
+            bundle = _adjust_without(network, following.out, bundle.state)
+        except AdjustmentError:  # because of what returned
+            following = replace(following, out=following.out | search.out)
+            bundle = _adjust_without(network, following.out, bundle.state)
+        search, verdict = following, test(bundle, following.out)
+        iterations += bundle.solution.iterations
     rejections = (*_tested(block, bundle, absurd), *_rejections(search, observed, verdict))
-    if not rejections:
-        return _after(bundle, iterations)
-    kept, stopped = within_limits(block, network.rows, rejections)
-    best = _without(block, set_up, bundle, kept, stopped)
-    best = _after(best, iterations + best.solution.iterations)
-    return replace(best, rejected=kept, stopped=stopped)
+    stopped: tuple[Stopped, ...] = ()
+    if rejections:
+        rejections, stopped = within_limits(block, network.rows, rejections)
+        bundle = _without(prepared(set_up(without(block, rejections))), bundle.state, stopped)
+        iterations += bundle.solution.iterations  # often none: it begins at the minimum
+    solution = replace(bundle.solution, iterations=iterations)
+    return replace(bundle, solution=solution, rejected=rejections, stopped=stopped)
 
 
-def _after(bundle: Bundle, iterations: int) -> Bundle:
-    """Return the last of several adjustments with the iterations of all.
-
-    Each begins where the one before ended, the last one often at the minimum: by itself it has
-    none.
-    """
-    return replace(bundle, solution=replace(bundle.solution, iterations=iterations))
-
-
-def _first(
-    network: Network, search: _Search, test: Callable[[Bundle, Mask], _Verdict]
-) -> tuple[Bundle, _Search]:
+def _first(network: Network, test: Callable[[Bundle, Mask], _Verdict]) -> tuple[Bundle, Mask]:
     """Adjust with all observations; if many fail, without the misfits of a robust state."""
     try:
         bundle = adjust_chosen(network)
     except AdjustmentError:
         state = robust_start(network)
     else:
-        if np.mean(test(bundle, search.out).failed) <= HEAVY:
-            return bundle, search
+        none = np.zeros(len(_observations(network).kind), dtype=bool)
+        if np.mean(test(bundle, none).failed) <= HEAVY:
+            return bundle, none
         state = robust_phase(
             network, bundle.state, [group.redundancy for group in bundle.solution.groups]
         )
-    search = replace(search, out=_misfits(network, state) > SUSPECT)
-    return _adjust_without(network, search.out, state), search
+    out = _shares_of_spread(network.residuals(state)[: len(KINDS)]) > SUSPECT
+    return _adjust_without(network, out, state), out
 
 
-def _following(
-    network: Network, state: State, search: _Search, following: _Search
-) -> tuple[Bundle, _Search]:
-    """Adjust for the next round; without returned observations where it fails with them."""
-    try:
-        return _adjust_without(network, following.out, state), following
-    except AdjustmentError:
-        again = search.out & ~following.out
-        following = replace(
-            following,
-            out=following.out | again,
-            w=np.where(again, _misfits(network, state), following.w),
-        )
-        return _adjust_without(network, following.out, state), following
-
-
-def _without(
-    block: Block,
-    set_up: Callable[[Block], Network],
-    bundle: Bundle,
-    rejected: tuple[Rejection, ...],
-    stopped: tuple[Stopped, ...],
-) -> Bundle:
+def _without(network: Network, state: State, stopped: tuple[Stopped, ...]) -> Bundle:
     """Adjust without the rejected observations; an error also names the stopped groups."""
-    network = prepared(set_up(without(block, rejected)))
-    known, state = np.isfinite(bundle.state.x_m), bundle.state
-    warm = replace(state, x_m=np.where(known, state.x_m, network.start.x_m))
+    x_m = np.where(np.isfinite(state.x_m), state.x_m, network.start.x_m)
     try:
-        return adjust_chosen(replace(network, start=warm))
+        return adjust_chosen(replace(network, start=replace(state, x_m=x_m)))
     except AdjustmentError as error:
         if not stopped:
             raise
@@ -210,19 +183,15 @@ def _adjust_without(network: Network, out: Mask, state: State) -> Bundle:
     return adjust_chosen(reweighted(network, factors).beginning_at(state))
 
 
-def _misfits(network: Network, state: State) -> Array:
-    """Return the residuals divided by their sigma and by the spread of their kind."""
-    return _shares_of_spread(network.residuals(state)[: len(KINDS)])
-
-
 def _misfits_after(bundle: Bundle, out: Mask) -> Array:
-    """Return the `_misfits` after an adjustment that gave rejected observations `OUT` sigma."""
+    """Return the residuals over sigma and spread, after rejected ones had `OUT` times the sigma."""
     factors = _by_group(bundle.network, np.where(out, OUT, 1.0))
     groups = zip(bundle.solution.groups[: len(KINDS)], factors, strict=True)
     return _shares_of_spread([(group.v, group.sigma / factor) for group, factor in groups])
 
 
 def _shares_of_spread(groups: Sequence[tuple[Array, Array]]) -> Array:
+    """Return the residuals divided by their sigma and by the spread of their kind."""
     return _flat([np.nan_to_num(sizes(*group)) / spread(*group) for group in groups])
 
 
@@ -245,11 +214,6 @@ class _Search:
     out: Mask
     w: Array
     returned: Mask
-
-
-def _nothing_out(n: int) -> _Search:
-    none = np.zeros(n, dtype=bool)
-    return _Search(out=none, w=np.zeros(n), returned=none)
 
 
 def _next(search: _Search, observed: _Observations, verdict: _Verdict, fits: Mask) -> _Search:
@@ -410,14 +374,10 @@ def _judge(limits: Limits, critical: float, bundle: Bundle, out: Mask) -> _Verdi
         w=_flat([w for w, _ in tested]),
         limit=_flat(limit),
         controlled=_flat([controlled for _, controlled in tested]),
-        largest=_flat([_places_of_largest(w) for w, _ in tested]),
+        largest=_flat(
+            [np.argmax(w, axis=1)[:, None].repeat(w.shape[1], axis=1) for w, _ in tested]
+        ),
     )
-
-
-def _places_of_largest(w: Array) -> Index:
-    """Return the component with the largest w of each row, once per component, shape (n, d)."""
-    largest: Index = np.argmax(w, axis=1)
-    return np.repeat(largest[:, None], w.shape[1], axis=1)
 
 
 def expected_failures(bundle: Bundle, *, critical: float = CRITICAL) -> float:
@@ -459,20 +419,25 @@ ENOUGH = 3
 """Number of other points that must remain; fewer do not orient a block."""
 
 
-def _absurd_control(network: Network) -> Index:
-    """Return the rows of absurd control points in the block.
+def _absurd_control(network: Network) -> tuple[Rejection, ...]:
+    """Return the rejections of absurd control points of the block, not tested yet.
 
     All poses of a camera are first turned alike onto the control points. A single ray that misses
     its point by less than `BESIDE` may itself be wrong.
     """
-    surveyed = network.block.control.point_idx
     if not np.any(control_misfits(network, network.start) > DOUBTFUL):
-        return np.zeros(0, dtype=np.intp)
+        return ()
+    point_idx = network.control.point_idx
     angles = control_misfits(network, turned_alike(network))
-    n_rays = np.bincount(network.image_points.point_idx, minlength=network.n_points)
-    one_ray = n_rays[network.control.point_idx] == 1
+    one_ray = (
+        np.bincount(network.image_points.point_idx, minlength=network.n_points)[point_idx] == 1
+    )
     absurd = _unlike(np.where(one_ray & (angles < BESIDE), 0.0, angles))
-    return np.flatnonzero(np.isin(surveyed, network.control.point_idx[absurd]))
+    rows = np.flatnonzero(np.isin(network.block.control.point_idx, point_idx[absurd]))
+    return tuple(
+        Rejection(kind="control_point", row=int(row), component=-1, statistic=np.inf)
+        for row in rows
+    )
 
 
 def _unlike(misfits: Array) -> Mask:
@@ -485,15 +450,16 @@ def _unlike(misfits: Array) -> Mask:
     return out if few and n_all - n >= ENOUGH else np.zeros_like(out)
 
 
-def _tested(block: Block, bundle: Bundle, rows: Index) -> tuple[Rejection, ...]:
-    """Return the rejections of absurd control, with the largest w of each if it were put back."""
-    control = block.control[rows]
+def _tested(block: Block, bundle: Bundle, absurd: Sequence[Rejection]) -> Iterator[Rejection]:
+    """Yield the rejections of absurd control, with the largest w of each if it were put back."""
+    control = block.control[np.array([r.row for r in absurd], dtype=np.intp)]
     estimated = bundle.state.x_m[control.point_idx]
     d = np.einsum("nij,nj->ni", control.R_g_m, estimated - control.x_m)
     cov = propagate(control.R_g_m, bundle.solution.cov_points[control.point_idx])
     predicted = np.diagonal(cov, axis1=1, axis2=2)
     w = np.max(np.abs(d) / np.sqrt(control.sigma_m**2 + predicted), axis=1)
-    return tuple(replace(r, statistic=float(x)) for r, x in zip(_taken_out(rows), w, strict=True))
+    for rejection, statistic in zip(absurd, w.tolist(), strict=True):
+        yield replace(rejection, statistic=statistic)
 
 
 def elsewhere(origins: Array, directions: Array, point_idx: Index, x_m: Array) -> Mask:
@@ -524,11 +490,3 @@ def elsewhere(origins: Array, directions: Array, point_idx: Index, x_m: Array) -
     out = np.zeros(len(x_m), dtype=bool)
     out[meets] = _unlike(offsets[meets])
     return out & miss
-
-
-def _taken_out(rows: Index) -> tuple[Rejection, ...]:
-    """Return the rejections of whole control points, not tested yet."""
-    return tuple(
-        Rejection(kind="control_point", row=int(row), component=-1, statistic=np.inf)
-        for row in rows
-    )

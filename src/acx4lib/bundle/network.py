@@ -15,7 +15,7 @@ from acx4lib import shown
 from acx4lib.block import Block, ImagePoints, SurveyedPoints
 from acx4lib.bundle.compiled.chain_rule import Hanging
 from acx4lib.bundle.compiled.normals import NetworkNormals, by_points
-from acx4lib.bundle.compiled.packing import Packed, measured, pack, weights
+from acx4lib.bundle.compiled.packing import Packed, in_mm, pack, weights
 from acx4lib.bundle.compiled.rays import Scene
 from acx4lib.bundle.observations import PoseObservations, besides_rays
 from acx4lib.bundle.unknowns import Layout, State, moved, named
@@ -202,7 +202,7 @@ class Network:
     def packed(self) -> Packed:
         """The measurements in the order in which compiled code processes them."""
         return pack(
-            measured(self.block, self.image_points),
+            in_mm(self.block, self.image_points),
             free_points=self.free_points,
             also=self.observed_points,
             pose_of_image=self.pose_idx,

@@ -13,7 +13,6 @@ from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.geometry.frames import Pose, exp
 from acx4lib.geometry.parameters import (
-    ATTITUDE,
     AXES,
     MOUNT,
     POSE,
@@ -179,19 +178,8 @@ def layout(
         Axes of the GNSS shift to estimate, names of `AXES`.
     n_drifts : int
     recorded : sequence of str
-        Errors of the recorded trajectory to estimate, ``"delay"`` and names of `ATTITUDE`.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name.
+        Errors of the recorded trajectory to estimate, ``"delay"`` and ``"deviation"``.
     """
-    for name, n in (("n_cameras", n_cameras), ("n_poses", n_poses), ("n_drifts", n_drifts)):
-        expected.whole(name, n, least=0)
-    expected.names_of("free", free, INTERIOR)
-    expected.names_of("free_mount", free_mount, MOUNT)
-    expected.names_of("free_shift", free_shift, AXES)
-    expected.names_of("recorded", recorded, ("delay", *ATTITUDE))
     of_camera = [name in free for name in INTERIOR] + [name in free_mount for name in MOUNT]
     columns, n_before = [], 0
     for is_free in (

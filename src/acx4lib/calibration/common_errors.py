@@ -21,7 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from acx4lib.block import Block, ImagePoints
+from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.unknowns import Layout, State, holding
@@ -33,11 +33,8 @@ from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.covariance import propagate
 from acx4lib.least_squares.statistics import chi2_sf
 
-_ALPHA_TURNED = 0.001
-"""Probability of finding turns of pictures that share their poses."""
-
-_LOOSE_TURN, _LEAST_TURN = float(np.radians(0.1)), 1e-6
-"""Standard deviation of turns, radians: so large that they are free; and the smallest one."""
+_LOOSE_TURN = float(np.radians(0.1))
+"""Standard deviation of turns, radians, so large that they are free."""
 
 SetUp = Callable[..., Network]
 """Takes a block, `turns` and `start`, as `adjust.mounted_orientation` does."""
@@ -125,11 +122,13 @@ def _sigma(loose: Bundle) -> Array | None:
     images, parts = loose.network.block.images, []
     for exposure in np.unique(images.exposure_idx):
         pictures = np.flatnonzero(images.exposure_idx == exposure)
-        turns, noise = _against_each_other(loose, pictures)
-        if (
-            len(pictures) > 1 and noise.max() < (_LOOSE_TURN / 10) ** 2
-        ):  # its points determine the turns
-            parts.append((images.camera_idx[pictures], turns, noise))
+        R, columns = loose.state.T_m_b.R[pictures], loose.network.layout.pose[pictures, 3:].ravel()
+        middle = np.kron(np.eye(len(pictures)) - 1 / len(pictures), np.eye(3))
+        turns = middle @ log(np.swapaxes(R[:1], -1, -2) @ R).ravel()
+        noise = propagate(middle, loose.solution.inverse.at(columns[:, None], columns)).diagonal()
+        if len(pictures) > 1 and noise.max() < (_LOOSE_TURN / 10) ** 2:  # its points tell the turns
+            camera = images.camera_idx[pictures]
+            parts.append((camera, turns.reshape(-1, 3), noise.reshape(-1, 3)))
     if not parts:
         return None
     camera, turns, noise = map(np.concatenate, zip(*parts, strict=True))
@@ -139,31 +138,12 @@ def _sigma(loose: Bundle) -> Array | None:
     if dof < 1:
         return None
     of_noise, squares = noise.sum(axis=0), np.sum(turns**2, axis=0)
-    if chi2_sf(float(np.max(squares / of_noise)) * dof, dof) > _ALPHA_TURNED:
+    if chi2_sf(float(np.max(squares / of_noise)) * dof, dof) > 0.001:
         return None
-    return np.maximum(np.sqrt(np.maximum(squares - of_noise, 0.0) / dof), _LEAST_TURN)
-
-
-def _against_each_other(loose: Bundle, pictures: Index) -> tuple[Array, Array]:
-    """Return the turns of an exposure's pictures about their mean, radians, and their variances."""
-    R, columns = loose.state.T_m_b.R[pictures], loose.network.layout.pose[pictures, 3:].ravel()
-    middle = np.kron(np.eye(len(pictures)) - 1 / len(pictures), np.eye(3))
-    turns = middle @ log(np.swapaxes(R[:1], -1, -2) @ R).ravel()
-    cov = propagate(middle, loose.solution.inverse.at(columns[:, None], columns))
-    return turns.reshape(-1, 3), cov.diagonal().reshape(-1, 3)
+    return np.maximum(np.sqrt(np.maximum(squares - of_noise, 0.0) / dof), 1e-6)
 
 
 # --- jackknife over exposures -----------------------------------------------------------------
-
-
-_LEAST_GROUPS, _MOST_GROUPS = 6, 20
-"""Smallest and largest number of groups of exposures; each is left out in turn."""
-
-_ALPHA_ENLARGED, _WORTH = 0.001, 1.1
-"""Probability of enlarging right sigma, and the smallest factor that matters."""
-
-_LEFT_OUT = 1e3
-"""Factor of the sigma of measurements that are left out: their points and poses stay."""
 
 
 def enlarged(calibration: Calibration, bundle: Bundle) -> Calibration:
@@ -179,9 +159,13 @@ def enlarged(calibration: Calibration, bundle: Bundle) -> Calibration:
     the interior orientations. The mounting of the first head rests on the trajectory, whose sigma
     have variance components of their own, and keeps its sigma.
     """
-    groups = _groups(bundle.network.block, bundle.network.image_points)
-    if len(groups) < _LEAST_GROUPS or calibration.open_columns.any():
+    block, points = bundle.network.block, bundle.network.image_points
+    exposures = np.unique(block.images.exposure_idx[points.image_idx])
+    positions = np.isfinite(block.trajectory.sigma_position[exposures]).all(axis=1)
+    few = positions.sum() < 6 or "control" in features(block)
+    if few or calibration.open_columns.any():
         return calibration
+    groups = np.array_split(exposures, min(len(exposures), 20))  # neighbours, where they are many
     lens, between, T = between_heads(calibration, bundle.network.layout)
     chosen = np.concatenate([lens, between])
     others = np.setdiff1d(np.arange(len(T)), chosen)
@@ -191,7 +175,9 @@ def enlarged(calibration: Calibration, bundle: Bundle) -> Calibration:
     try:
         moved, cov = _without_each(bundle, groups, calibration.layout, T[len(others) :])
         factors = _factors(moved, cov, len(lens))
-        L = _root(propagate(T, calibration.cov))
+        covariance = propagate(T, calibration.cov)
+        scale = np.sqrt(covariance.diagonal())  # without units
+        L = scale[:, None] * np.linalg.cholesky(covariance / scale[:, None] / scale)
     except (AdjustmentError, np.linalg.LinAlgError):  # the rest does not determine all unknowns
         return calibration
     more = np.repeat([0.0, *np.square(factors) - 1], [len(others), len(lens), len(between)])
@@ -201,15 +187,6 @@ def enlarged(calibration: Calibration, bundle: Bundle) -> Calibration:
     return replace(
         calibration, cov=calibration.cov + back * more @ back.T, enlarged=(factors[0], factors[1])
     )
-
-
-def _groups(block: Block, points: ImagePoints) -> list[Index]:
-    """Return the exposures that are left out together: neighbours, where they are many."""
-    exposures = np.unique(block.images.exposure_idx[points.image_idx])
-    positions = np.isfinite(block.trajectory.sigma_position[exposures]).all(axis=1)
-    if positions.sum() < _LEAST_GROUPS or "control" in features(block):
-        return []
-    return np.array_split(exposures, min(len(exposures), _MOST_GROUPS))
 
 
 def between_heads(calibration: Calibration, there: Layout) -> tuple[Index, Index, Array]:
@@ -246,7 +223,7 @@ def _without_each(
     exposure = network.block.images.exposure_idx[points.image_idx]
     moved, cov = [], []
     for group in groups:
-        sigma_px = np.where(np.isin(exposure, group), _LEFT_OUT, 1.0) * points.sigma_px
+        sigma_px = np.where(np.isin(exposure, group), 1e3, 1.0) * points.sigma_px
         without_group = network.with_sigma(
             image_points=replace(points, sigma_px=sigma_px),
             control=network.control,
@@ -279,11 +256,5 @@ def _factor(moved: Array, cov: Array) -> float:
     variance = float(np.einsum("ei,ij,ej->", moved, inverse, moved)) / n
     share = np.einsum("ij,eji->e", inverse, cov) / n
     dof = n / float(np.sum(share**2))
-    is_more = variance > _WORTH**2 and chi2_sf(variance * dof, dof) < _ALPHA_ENLARGED
+    is_more = variance > 1.1**2 and chi2_sf(variance * dof, dof) < 0.001
     return float(np.sqrt(variance)) if is_more else 1.0
-
-
-def _root(cov: Array) -> Array:
-    """Return L with L L^T = cov, computed without units."""
-    scale = np.sqrt(cov.diagonal())
-    return scale[:, None] * np.linalg.cholesky(cov / scale[:, None] / scale)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations import PoseObservations
@@ -193,7 +192,10 @@ def interior_exterior(bundle: Bundle) -> Correlations:
     inverse, free = bundle.solution.inverse, columns[estimated]
     interior = held_at_zero(inverse, free[:, None], unknowns[:, None, :])
     cross = interior @ np.swapaxes(np.concatenate([by_mount, by_body], axis=2), 1, 2)
-    to_grid = _to_grid(bundle)[oriented]
+    frame, T_m_c = network.block.frame, bundle.T_m_c[oriented]
+    to_grid = np.zeros((len(T_m_c), 6, 6))
+    to_grid[:, :3, :3] = frame.grid_axes(T_m_c.r)
+    to_grid[:, 3:, 3:] = opk_jacobian(frame.pose_to_grid(T_m_c)[1])
     sigma_exterior = sigmas(propagate(to_grid, bundle.camera_pose_covariances[oriented]))
     sigma_interior = sigmas(inverse.at(free[:, None], free))
     values = cross @ np.swapaxes(to_grid, 1, 2)
@@ -201,15 +203,6 @@ def interior_exterior(bundle: Bundle) -> Correlations:
         interior=tuple(REPORTED[INTERIOR[i]][0] for i in estimated),
         values=values / sigma_interior[:, None] / sigma_exterior[:, None, :],
     )
-
-
-def _to_grid(bundle: Bundle) -> Array:
-    """Return d(east, north, height, omega, phi, kappa) / d(pose of every image)."""
-    frame, T_m_c = bundle.network.block.frame, bundle.T_m_c
-    out = np.zeros((len(T_m_c), 6, 6))
-    out[:, :3, :3] = frame.grid_axes(T_m_c.r)
-    out[:, 3:, 3:] = opk_jacobian(frame.pose_to_grid(T_m_c)[1])
-    return out
 
 
 def largest_pairs(correlations: Correlations, *, n: int = 4) -> dict[str, float]:
@@ -258,7 +251,6 @@ def nested_f_ratio(bundle: Bundle, test: GroupTest, against: Sequence[Camera]) -
         Where the adjustment does not converge.
     """
     network = bundle.network
-    expected.one_of("test.camera", test.camera, [c.name for c in network.block.cameras])
     k = [camera.name for camera in network.block.cameras].index(test.camera)
     _, columns = estimated_columns(network.layout, k, test.keys)
     interiors, mounts, source = list(bundle.state.interiors), bundle.state.T_b_c, against[k]

@@ -515,13 +515,7 @@ def group_tests(
     redundancy : int
         Of the calibration's adjustment.
     """
-    expected.whole("redundancy", redundancy, least=0)
-    return list(_group_tests(calibration, against, redundancy))
-
-
-def _group_tests(
-    calibration: Calibration, against: Sequence[Camera], redundancy: int
-) -> Iterator[GroupTest]:
+    tests = []
     for k, (camera, other) in enumerate(zip(calibration.cameras, against, strict=True)):
         differences = difference(camera, other)
         for group in GROUPS:
@@ -530,13 +524,16 @@ def _group_tests(
                 continue
             cov = calibration.sigma0_sq * calibration.cov[np.ix_(columns, columns)]
             z = differences[indices] / sigmas(cov)
-            yield GroupTest(
-                camera=camera.name,
-                keys=tuple(KEYS[i] for i in indices),
-                largest=float(np.abs(z).max()),
-                f_ratio=float(z @ np.linalg.solve(correlation(cov), z)) / len(indices),
-                redundancy=redundancy,
+            tests.append(
+                GroupTest(
+                    camera=camera.name,
+                    keys=tuple(KEYS[i] for i in indices),
+                    largest=float(np.abs(z).max()),
+                    f_ratio=float(z @ np.linalg.solve(correlation(cov), z)) / len(indices),
+                    redundancy=redundancy,
+                )
             )
+    return tests
 
 
 def estimated_columns(columns: Layout, k: int, keys: Sequence[str]) -> tuple[Index, Index]:

@@ -35,10 +35,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-LEAST_CONTROL = 3
-"""Control points that heads need, which no trajectory orients."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Heads:
     """The self-calibrations of all heads.
@@ -105,7 +101,6 @@ class RelativeOrientation:
         n = len(self.heads)
         for name in ("xyz_mm", "opk"):
             expected.shape(name, getattr(self, name), (n, 3))
-            expected.finite(name, getattr(self, name))
         expected.shape("cov_joint", self.cov_joint, (16 * n, 16 * n))
 
     def __repr__(self) -> str:
@@ -326,19 +321,15 @@ def relative_orientation(
     )
 
 
-def not_calibrated(block: Block) -> str:
-    """Return a reason to use the declared heads of a block; empty where they can be calibrated.
+def can_be_calibrated(block: Block) -> bool:
+    """Tell whether heads show the three control points that they need one by one.
 
     Parameters
     ----------
     block : Block
         Of the heads, with the control points that are measured in it.
     """
-    if not len(block.image_points):
-        return f"nothing is measured in block {block.name}"
-    n = len(block.control)
-    few = f"{n or 'no'} control point{' is' if n == 1 else 's are'} measured in block {block.name}"
-    return f"{few}, and three are needed" if n < LEAST_CONTROL else ""
+    return len(block.image_points) > 0 and len(block.control) >= 3
 
 
 def declared_orientation(heads: Sequence[Camera], synthetic: Camera) -> RelativeOrientation:

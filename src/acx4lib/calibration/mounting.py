@@ -321,8 +321,7 @@ def _two_step(method: str, bundle: Bundle, model: Model) -> Mounting:
         r = mean.r if LEVER_ARM[0] in model.mount else declared.T_b_c.r
         cameras.append(replace(camera, T_b_c=Pose(R=R, r=r)))
     columns = layout(len(cameras), 0, free=model.free, free_mount=model.mount)
-    J = _by_bundle(bundle, weights, by_camera_pose, columns)
-    K = _by_exposures(block, weights, by_trajectory, columns)
+    J, K = _derivatives(bundle, weights, by_camera_pose, by_trajectory, columns)
     cov = bundle.solution.inverse.times(J) @ J.T
     cov += np.einsum("iea,eab,jeb->ij", K, cov_trajectory, K)
     if (shared := shared_errors(trajectory)) is not None:
@@ -380,27 +379,27 @@ def _weighted_mean(T_b_c: Pose, cov: Array) -> tuple[Pose, Array]:
     return Pose(R=mean_rotation(T_b_c.R, weights[3:, :, 3:]), r=r), weights
 
 
-def _by_bundle(bundle: Bundle, weights: Array, by_pose: Array, columns: Layout) -> Array:
-    """Return d(interior, mean mounting) / d(columns of the bundle), shape (n, n_columns)."""
-    source = bundle.network.layout
+def _derivatives(
+    bundle: Bundle, weights: Array, by_pose: Array, by_trajectory: Array, columns: Layout
+) -> tuple[Array, Array]:
+    """Return d(interior, mean mounting) / d(columns of the bundle), and by body poses.
+
+    Shapes (n, n_columns) and (n, n_exposures, 6).
+    """
+    source, block = bundle.network.layout, bundle.network.block
     J = np.zeros((columns.n_columns, source.n_columns))
+    K = np.zeros((columns.n_columns, len(block.trajectory), 6))
     free = source.interior >= 0
     J[columns.interior[free], source.interior[free]] = 1.0
     for k, mount in enumerate(columns.mount):
-        mean = np.einsum("ina,nab->inb", weights[k], by_pose).reshape(6, -1)
-        J[np.ix_(mount[mount >= 0], source.pose.ravel())] = mean[mount >= 0]
-    return J
-
-
-def _by_exposures(block: Block, weights: Array, by_trajectory: Array, columns: Layout) -> Array:
-    """Return d(mean mounting) / d(body poses), shape (n, n_exposures, 6)."""
-    K = np.zeros((columns.n_columns, len(block.trajectory), 6))
-    for k, mount in enumerate(columns.mount):
-        mean = np.einsum("ina,nab->inb", weights[k], by_trajectory)
-        total = np.zeros((len(block.trajectory), 6, 6))
-        np.add.at(total, block.images.exposure_idx, np.moveaxis(mean, 1, 0))
-        K[mount[mount >= 0]] = np.moveaxis(total, 1, 0)[mount >= 0]
-    return K
+        own = mount >= 0
+        mean = np.einsum("ina,nab->inb", weights[k][own], by_pose)
+        J[np.ix_(mount[own], source.pose.ravel())] = mean.reshape(-1, source.pose.size)
+        mean = np.einsum("ina,nab->nib", weights[k][own], by_trajectory)
+        total = np.zeros((len(block.trajectory), own.sum(), 6))
+        np.add.at(total, block.images.exposure_idx, mean)
+        K[mount[own]] = np.moveaxis(total, 1, 0)
+    return J, K
 
 
 # --- weights of the observations --------------------------------------------------------------

@@ -193,9 +193,6 @@ def normalised_test(
     probability : float
         Probability of an RMS inside the limits where the prediction is right.
     """
-    d = expected.numbers("d", d, ("n", 3))
-    expected.shape("sigma", sigma, d.shape)
-    expected.shape("axis_covariances", axis_covariances, (3, len(d), len(d)))
     effective = np.array([effective_number(correlation(cov)) for cov in axis_covariances])
     return NormalisedTest(
         rms=np.sqrt(np.mean((d / sigma) ** 2, axis=0)),
@@ -250,9 +247,6 @@ def bias_test(mean: Array, mean_cov: Array, *, probability: float = 0.9) -> Axis
     AxisTest
         mean / sigma, normally distributed.
     """
-    mean = expected.numbers("mean", mean, (3,))
-    expected.shape("mean_cov", mean_cov, (3, 3))
-    expected.probability("probability", probability)
     statistic = np.asarray(mean) / sigmas(mean_cov)
     return AxisTest(
         statistic=triple(statistic), critical=statistics.norm_ppf(0.5 + probability / 2)
@@ -278,8 +272,6 @@ def rms_interval(rms: float, n: float, *, probability: float = 0.95) -> tuple[fl
     lower, upper : float
         In the unit of `rms`; NaN for n = 0.
     """
-    expected.positive("rms", rms, zero=True)
-    expected.positive("n", n, zero=True)
     if n == 0:
         return np.nan, np.nan
     low, high = rms_limits(n, probability=probability)
@@ -296,8 +288,6 @@ def rms_limits(n: float, *, probability: float = 0.95) -> tuple[float, float]:
     probability : float
         Probability of an RMS between them.
     """
-    expected.positive("n", n)
-    expected.probability("probability", probability)
     tail = (1 - probability) / 2
     least, most = statistics.chi2_ppf(tail, n), statistics.chi2_isf(tail, n)
     return float(np.sqrt(least / n)), float(np.sqrt(most / n))

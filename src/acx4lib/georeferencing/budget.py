@@ -14,7 +14,6 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
-from acx4lib import expected
 from acx4lib.block import Block, ImagePoints, Images, Trajectory
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration.estimates import Calibration, to_reported
@@ -66,9 +65,6 @@ class Budget:
     """
 
     variance: Array
-
-    def __post_init__(self) -> None:
-        expected.shape("variance", self.variance, ("n", 3, len(SOURCES)))
 
     def __len__(self) -> int:
         """Count the points."""
@@ -156,7 +152,6 @@ def shares(variance: Array) -> dict[str, Array]:
     dict of str to ndarray, shape (...)
         By the names of `GROUPS`; they add up to one.
     """
-    expected.shape("variance", variance, (..., len(SOURCES)))
     total = variance.sum(axis=-1)
     return {
         name: variance[..., [SOURCES.index(source) for source in sources]].sum(axis=-1) / total
@@ -438,25 +433,6 @@ def over_format(calibration: Calibration, flight: MappingFlight, *, n: int = 41)
     return Format(colrow=colrow, budget=_predicted(calibration, flight, ground))
 
 
-def at_corners(calibration: Calibration, camera: Camera, flight: MappingFlight) -> ErrorSources:
-    """Return the sources of the errors of the ground under the four corners of an image's format.
-
-    Parameters
-    ----------
-    calibration : Calibration
-        Of this camera and of others.
-    camera : Camera
-    flight : MappingFlight
-        Of this camera.
-    """
-    block = fly(camera, flight)
-    last = np.array([camera.width_px - 1.0, camera.height_px - 1.0])
-    corners = last * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    ground = _on_ground(camera, _level(np.zeros((1, 2)), flight), corners)
-    posed = direct.georeference(block, calibration)
-    return _sources_at(block, posed, ground, flight.sigma_px, flight.sigma_survey_m)[1]
-
-
 def like(block: Block, camera: Camera) -> MappingFlight | None:
     """Return a mapping flight of a camera like a block; None if a property is not known.
 
@@ -611,10 +587,19 @@ def displacement(mounting: Mounting, held: Held) -> tuple[Array, Array] | None:
 
 
 def _corners_like(calibration: Calibration, block: Block) -> list[ErrorSources]:
-    """Return the sources at the corners of every camera, in a mapping flight like a block."""
-    flights = [(camera, like(block, camera)) for camera in calibration.cameras]
-    return [
-        at_corners(calibration, camera, flight)
-        for camera, flight in flights
-        if flight is not None and looks_down(camera)
-    ]
+    """Return the sources of the errors of the ground under the four corners of every format.
+
+    In a mapping flight like a block; without cameras that do not look down.
+    """
+    out = []
+    for camera in calibration.cameras:
+        flight = like(block, camera)
+        if flight is None or not looks_down(camera):
+            continue
+        flown = fly(camera, flight)
+        last = np.array([camera.width_px - 1.0, camera.height_px - 1.0])
+        corners = last * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+        ground = _on_ground(camera, _level(np.zeros((1, 2)), flight), corners)
+        posed = direct.georeference(flown, calibration)
+        out.append(_sources_at(flown, posed, ground, flight.sigma_px, flight.sigma_survey_m)[1])
+    return out

@@ -469,7 +469,6 @@ def ground_points(
     d(x) = [dv/dx; dh/dx]^-1 (-dv, dh), where dh/dx is the normal of the ellipsoid.
     """
     expected.places("pixels.image_idx", pixels.image_idx, len(block.images))
-    expected.different("pixels.group", pixels.group.tolist(), "groups")
     height = expected.numbers("height_m", height_m, (len(pixels.image_idx),))
     sigma_h = np.zeros(len(height)) if sigma_height_m is None else np.asarray(sigma_height_m)
     measurement = measured(block, georeferenced, pixels)

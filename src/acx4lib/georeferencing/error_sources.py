@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from acx4lib import expected
 from acx4lib.bundle.observations import SharedErrors
 from acx4lib.expected import Array, Index
 from acx4lib.least_squares import processors
@@ -113,7 +112,6 @@ def turned(sources: ErrorSources, R: Array) -> ErrorSources:
     R : ndarray, shape (n, 3, 3)
         From the present axes of every point to the new ones.
     """
-    expected.shape("R", R, (len(sources), 3, 3))
     return replace(
         sources,
         image=propagate(R, sources.image),
@@ -160,7 +158,7 @@ def chi_square(sources: ErrorSources, d: Array) -> float:
     # predictions solve no equations and need not load this package, which takes long
     from scipy.sparse.linalg import splu  # noqa: PLC0415
 
-    d = expected.numbers("d", d, (len(sources), 3)).ravel()
+    d = d.ravel()
     if len(d) == 0:
         return 0.0
     K = (sources.by_parameters @ half(sources.cov_parameters)).reshape(len(d), -1)

@@ -28,14 +28,12 @@ def test_a_plan_is_predicted_on_the_screen_and_in_files(acx4, written, tmp_path)
     path, out = written(), tmp_path / "predicted"
     status, said, err = acx4("plan", path, "--out", out)
     assert (status, err) == (0, "")
-    assert "CAM boresight_kappa_deg" in said
+    assert re.search(r"CAM +boresight_kappa_deg ", said)
     table = pd.read_csv(out / "parameters.csv")
     assert set(table["method"]) == {"single_step"}
     assert table["determined"].all()
-    cov = pd.read_csv(out / "covariance.csv").query("row == column")["value"] ** 0.5
-    assert cov.to_numpy() == pytest.approx(table["sigma"].to_numpy())
+    assert set(pd.read_csv(out / "reliability.csv")["kind"]) >= {"image_point", "gnss"}
     summary = json.loads((out / "summary.json").read_text())
-    assert summary["mounting/single_step"]["n_images"] == 24
     assert summary["not_determined"] == []
     assert (out / "plan.svg").read_text().startswith("<svg")
     assert (out / "plan.toml").read_bytes() == path.read_bytes()

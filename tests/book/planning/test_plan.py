@@ -148,13 +148,6 @@ WRONG = {
         PLAN[: PLAN.index("[calibration]")],
         [":1: calibration: no block at all; needs one of heads, calibration, validation"],
     ),
-    "too many exposures": (
-        changed(
-            "low-1 = {flying_height_m = 600.0",
-            "low-1 = {parallel = 200, spacing_m = 9, flying_height_m = 600.0",
-        ).replace("length_m = 600.852", "length_m = 600852.0"),
-        [": calibration.strips: "],
-    ),
     "a truth that is no camera's": (
         PLAN + "\n[truth.OTHER]\nfocal_mm = 3.0\n",
         [": truth.OTHER: unknown key; must be one of CAM"],

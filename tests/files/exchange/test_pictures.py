@@ -249,14 +249,6 @@ def test_every_second_exposure_of_heads_is_held_out(tmp_path):
     assert flight.fix == ("lever_arm",)
     assert flight.estimate_mounting == ()
     assert any("one in 2 in the order of time" in one for one in brought.assumed)
-
-
-def test_heads_are_calibrated_together_where_there_are_exposures_to_do_so(tmp_path):
-    flight_folder.write(read_folder(flown(tmp_path / "p")), tmp_path / "flight")
-    flight = read_unmeasured(tmp_path / "flight").flight
-    assert set(flight.blocks) == {"heads", "calibration"}
-    assert flight.transferred == ("calibration",)
-    assert flight.fix == ("lever_arm",)
     alone = read_folder(flown(tmp_path / "one", n=1))
     assert {name.partition("/")[0] for name in alone.pictures} == {"heads"}
     assert "stages" not in alone.settings

@@ -59,6 +59,11 @@ def test_only_what_is_known_proves_anything():
     assert "its points are reprojected by the cameras as imported to 3 px rms" in str(
         flight_of(PROJECT).found
     )
+    astray = replace(MEASURED, colrow=MEASURED.colrow + 10.0)
+    for is_own in (False, True):  # surveyed points need not fit, the program's own must
+        proof = Proof(whose="its points", measured=astray, is_own=is_own)
+        warnings = flight_of(replace(PROJECT, proofs=(proof,))).warnings
+        assert ["its points are reprojected" in one for one in warnings] == [True] * is_own
     unknown = replace(MEASURED, x_w=np.full((2, 3), np.nan))
     nothing = replace(PROJECT, proofs=(Proof(whose="its points", measured=unknown),))
     assert any(one.startswith("nothing proves") for one in flight_of(nothing).found)

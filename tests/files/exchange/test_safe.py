@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from acx4files.exchange import safe
-from acx4files.exchange.safe import Cursor, Opened, cut, lines, member, records
+from acx4files.exchange.safe import Opened, cut, lines, member, records
 from acx4files.flight.problems import Range
 from acx4lib.errors import FlightError
 
@@ -83,12 +83,8 @@ def test_elements_of_xml_their_attributes_and_numbers():
     assert [one.tag for one in named] == ["http://u/ b"]
 
 
-def test_records_and_values_one_after_another():
+def test_records():
     assert records(opened(bytes([1, 0, 2, 0])), np.dtype("<u2")).tolist() == [1, 2]
-    cursor = Cursor(source=opened(b"\x01\x02ab\0\x03\0\x04\0"))
-    assert cursor.take("<BB", "id") == (1, 2)
-    assert cursor.text("name") == "ab"
-    assert cursor.array(np.dtype("<u2"), 2, "points").tolist() == [3, 4]
 
 
 def test_a_member_of_an_archive():
@@ -114,10 +110,6 @@ def in_xml(do, text):
 
 def in_line(do):
     return lambda: do(next(lines(opened("a 1,5 inf 9"))))
-
-
-def in_bytes(do):
-    return lambda: do(Cursor(source=opened(b"abc")))
 
 
 @pytest.mark.parametrize(
@@ -146,12 +138,6 @@ def in_bytes(do):
         (in_line(lambda x: x.number_at(4, "z")), "a:1: z: is missing, the line has 4 cells"),
         (in_line(lambda x: x.numbers(1, 3, "x y")), "a:1: x y: '1,5'; must be a finite number"),
         (in_line(lambda x: x.numbers(3, 4, "x", SMALL)), "x: '9'; must lie between -1 and 1"),
-        (in_bytes(lambda c: c.take("<Q", "id")), "a:1: id: at byte 0: 3 bytes are left"),
-        (
-            in_bytes(lambda c: c.array(np.dtype("<u8"), 2**60, "x")),
-            "3 bytes are left; must be",
-        ),
-        (in_bytes(lambda c: c.text("name")), "a:1: name: at byte 0: 3 bytes are left"),
         (lambda: records(opened(bytes(3)), np.dtype("<u2")), "a:1: file: has 3 bytes; must be a"),
         (lambda: member(packed(other=b""), "doc"), "archive: has no member 'doc'; required"),
         (lambda: member(opened(b"PK\3\4"), "doc"), "is no ZIP archive that can be read"),

@@ -151,12 +151,6 @@ def test_shift_and_drifts_stand_between_cameras_and_poses():
     assert columns.n_columns == 21
 
 
-def test_an_unknown_parameter_is_named():
-    for names in ({"free": ("f", "k4")}, {"free_mount": ("k4",)}, {"free_shift": ("k4",)}):
-        with pytest.raises(ValueError, match=f"{next(iter(names))}: expected names of .*'k4'"):
-            layout(1, 1, **{"free": (), **names})
-
-
 def test_a_wild_step_leaves_the_focal_length_positive(net):
     dx = np.full(net.n_columns, -1e3)
     state = net.moved(net.start, dx, np.zeros((net.n_points, 3)))

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from acx4book.planning import design, plan, tables
 from acx4files.results import sentences
 from acx4lib.calibration import diagnosis
-from acx4lib.calibration.estimates import parameters, to_reported
+from acx4lib.calibration.estimates import features, parameters, to_reported
 from acx4lib.georeferencing import budget
 from support.flights.planned import strip, values
 
@@ -22,6 +22,20 @@ BARE = {"control": NO_CONTROL, "validation": MAPPING}
 
 def of(**changes):
     return design.of(plan.from_values(values(**changes)))
+
+
+def weak(found):
+    """Return sentences on the weak parameters of a plan, by its check points or its format."""
+    mounting = found.mountings["single_step"]
+    calibration, block = mounting.calibration, mounting.bundle.network.block
+    if found.validations:
+        sources, where = found.validations["single_step"].points.sources, diagnosis.CHECK_POINTS
+        shares = budget.parameter_shares(sources, calibration)
+    else:
+        shares, where = budget.shares_at_corners(calibration, block), diagnosis.CORNERS
+    late = bool(mounting.bundle.network.layout.delay[0] >= 0)
+    weaknesses = diagnosis.of(mounting.bundle).weak(shares, of=where)
+    return sentences.weak(weaknesses, features(block), late=late)
 
 
 def test_the_share_of_a_parameter_is_what_the_variance_falls_by_when_it_is_known():
@@ -65,14 +79,14 @@ def test_a_known_lever_arm_lowers_the_variance_by_the_share_of_its_z():
 
 
 def test_a_plan_of_two_heights_with_control_points_has_nothing_weak():
-    assert tables.summary(of(validation=MAPPING))["weak"] == []
-    assert tables.summary(of())["weak"] == []
+    assert weak(of(validation=MAPPING)) == []
+    assert weak(of()) == []
 
 
 def test_one_height_without_control_points_is_determined_but_weak():
     found = of(**BARE, calibration=ONE_HEIGHT)
-    assert tables.sentences(found) == []
-    said = {line.split()[2]: line for line in tables.summary(found)["weak"]}
+    assert tables.not_determined(found) == []
+    said = {line.split()[1]: line for line in weak(found)}
     assert {"f_mm", "xp_mm", "yp_mm", "lever_x_m", "lever_y_m", "lever_z_m"} == set(said)
     assert "% of the variance of check points in height; it rests on wind" in said["lever_z_m"]
     assert said["lever_z_m"].endswith(
@@ -82,7 +96,7 @@ def test_one_height_without_control_points_is_determined_but_weak():
 
 def test_without_check_points_the_ground_under_the_corners_counts():
     found = of(control=NO_CONTROL)
-    (line,) = tables.summary(found)["weak"]
+    (line,) = weak(found)
     assert "lever_z_m is weak" in line
     assert "% of the variance of the ground under the format's corners in height" in line
     assert line.endswith("it would need: control points")
@@ -110,7 +124,7 @@ def late(low, high):
         for name, one in values()["calibration"]["strips"].items()
     }
     stages = {"mounting": {"estimate": ["f_mm", "xp_mm", "yp_mm"], "gnss": ["delay"]}}
-    lines = tables.summary(of(calibration={"strips": strips}, stages=stages))["weak"]
+    lines = weak(of(calibration={"strips": strips}, stages=stages))
     return {line.split(" is weak")[0].split()[-1]: line for line in lines}
 
 

@@ -7,7 +7,8 @@ top-left one; poses take the world to the camera's axes, x right, y down, z ahea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import struct
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,13 +16,14 @@ from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from acx4files.exchange import lens, options, project, safe
 from acx4files.exchange.coordinates import AHEAD, FLIP, stacked, turned
 from acx4files.exchange.lens import Lens, Pinhole, Wrong
 from acx4files.exchange.project import Images, Measured, Project, Proof
-from acx4files.exchange.safe import Cursor, Line, Opened, refusal
+from acx4files.exchange.safe import Line, Opened, refusal
 from acx4files.flight.problems import METRES, PIXELS, quoted
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.frames import Pose
@@ -93,7 +95,7 @@ def read_project(
     folder = source.parent if source.is_file() else source
     sources, rows = _rows(source, folder)
     lenses, (references, in_rigs) = _lenses(rows["cameras"]), _rigs(rows["rigs"])
-    images: list[_Image] = list(rows["images"])
+    images: list[_Image] = rows["images"]
     rigged = _mounted(lenses, in_rigs, is_metric=crs is not None)
     if not images:
         raise refusal(str(folder), 1, "folder", "has no image", "must be a model with images")
@@ -115,7 +117,7 @@ def read_project(
             T_w_c=T_w_c,
         ),
         measured=measured,
-        proofs=(Proof(whose="COLMAP's own points", measured=measured),),
+        proofs=(Proof(whose="COLMAP's own points", measured=measured, is_own=True),),
         settings={
             "name": folder.resolve().name,
             **({} if crs is None else {"crs": crs, "heights": "ellipsoidal"}),
@@ -153,7 +155,11 @@ def _rows(source: Path, folder: Path) -> tuple[list[Opened], dict[str, Any]]:
         is_empty = path.is_file() and not path.stat().st_size and name not in ("cameras", "images")
         if (name in needed or path.exists()) and not is_empty:
             files.append(safe.read(path))
-            rows[name] = READERS[ending][name](files[-1])
+            try:
+                rows[name] = [*READERS[ending][name](files[-1])]
+            except (struct.error, ValueError, OverflowError):
+                fault, expected = "ends too early", "must be complete; is the file cut off?"
+                raise files[-1].wrong("file", fault, expected) from None
     return files, rows
 
 
@@ -244,7 +250,7 @@ def _in_grid(folder: Path, crs: str | None, T_w_c: Pose) -> tuple[project.InGrid
 # what text and binary files have in common
 
 
-def _lenses(rows: Iterator[Camera]) -> dict[int, Lens]:
+def _lenses(rows: Iterable[Camera]) -> dict[int, Lens]:
     """Return cameras of their number, model, width, height and parameters, after checks."""
     lenses: dict[int, Lens] = {}
     for number, name, width, height, parameters, wrong in rows:
@@ -272,7 +278,7 @@ def _formula(model: str, wrong: Wrong) -> lens.Formula:
     return lens.COLMAP[model]
 
 
-def _rigs(rows: Iterator[Rig]) -> tuple[set[int], dict[int, Pose | None]]:
+def _rigs(rows: Iterable[Rig]) -> tuple[set[int], dict[int, Pose | None]]:
     """Return reference cameras, and rigs in the axes of others, of references and other sensors."""
     references, in_rigs = set[int](), dict[int, Pose | None]()
     for kind, reference, others, wrong in rows:
@@ -386,11 +392,35 @@ _TRACK_ELEMENT = np.dtype("V8")
 """An image and a measurement of it."""
 
 
-def _entries(source: Opened) -> tuple[Cursor, range]:
-    """Return a cursor behind the number of entries, and a range of that length."""
-    cursor = Cursor(source=source)
-    (n,) = cursor.take("<Q", "number of entries")
-    return cursor, range(n)
+class _Values:
+    """Values of a binary file one after another; a `struct.error` or ValueError at its end."""
+
+    def __init__(self, source: Opened) -> None:
+        self.data, self.at = source.data, 0
+
+    def take(self, layout: str) -> tuple[Any, ...]:
+        """Return the next values, by a layout of `struct`."""
+        values = struct.unpack_from(layout, self.data, self.at)
+        self.at += struct.calcsize(layout)
+        return values
+
+    def array(self, layout: np.dtype[Any]) -> NDArray[Any]:
+        """Return the next records of a layout, whose number is before them."""
+        (n,) = self.take("<Q")
+        found = np.frombuffer(self.data, layout, n, self.at) if n else np.zeros(0, layout)
+        self.at += n * layout.itemsize
+        return found
+
+    def text(self) -> str:
+        """Return the next text, which a null byte ends."""
+        begin, self.at = self.at, self.data.index(b"\0", self.at) + 1
+        return self.data[begin : self.at - 1].decode("utf-8")
+
+
+def _entries(source: Opened) -> tuple[_Values, range]:
+    """Return the values behind the number of entries, and a range of that length."""
+    values = _Values(source)
+    return values, range(*values.take("<Q"))
 
 
 def _kind(number: int) -> str:
@@ -398,67 +428,62 @@ def _kind(number: int) -> str:
 
 
 def _binary_cameras(source: Opened) -> Iterator[Camera]:
-    cursor, entries = _entries(source)
+    file, entries = _entries(source)
     models = dict(enumerate(lens.COLMAP))
-    for k in entries:
-        number, kind, width, height = cursor.take("<IiQQ", f"camera {k + 1}")
+    for _ in entries:
+        number, kind, width, height = file.take("<IiQQ")
         wrong = partial(source.wrong, f"camera {number}")
         name = models.get(kind, str(kind))
-        values = cursor.take(f"<{len(_formula(name, wrong).names)}d", f"camera {number}")
+        values = file.take(f"<{len(_formula(name, wrong).names)}d")
         yield number, name, width, height, np.array(values), wrong
 
 
 def _binary_images(source: Opened) -> Iterator[_Image]:
-    cursor, entries = _entries(source)
+    file, entries = _entries(source)
     for k in entries:
-        element = f"image {k + 1}"
-        number, *values, camera = cursor.take("<I7dI", element)
-        name = cursor.text(element)
-        (count,) = cursor.take("<Q", element)
-        measured = cursor.array(_MEASUREMENT, count, element)
+        number, *pose, camera = file.take("<I7dI")
+        name, measured = file.text(), file.array(_MEASUREMENT)
         yield _Image(
             number=number,
             name=name,
             camera=camera,
-            pose=np.array(values),
+            pose=np.array(pose),
             xy=np.array(measured["xy"], dtype=float).reshape(-1, 2),
             points=np.array(measured["point"], dtype=np.int64),
-            wrong=partial(source.wrong, element),
+            wrong=partial(source.wrong, f"image {k + 1}"),
         )
 
 
 def _binary_points(source: Opened) -> Iterator[tuple[int, list[float]]]:
-    cursor, entries = _entries(source)
+    file, entries = _entries(source)
     for _ in entries:
-        number, *xyz, _, _, _, _, length = cursor.take("<q3d3BdQ", "point")
-        cursor.array(_TRACK_ELEMENT, length, f"track of point {number}")
+        number, *xyz, _, _, _, _ = file.take("<q3d3Bd")
+        file.array(_TRACK_ELEMENT)
         if not all(x in METRES for x in xyz):
             raise source.wrong(f"point {number}", f"coordinates {xyz}", str(METRES))
         yield number, xyz
 
 
 def _binary_rigs(source: Opened) -> Iterator[Rig]:
-    cursor, entries = _entries(source)
+    file, entries = _entries(source)
     for _ in entries:
-        number, count = cursor.take("<II", "rig")
+        number, count = file.take("<II")
         if count == 0:
             continue
-        element = f"rig {number}"
-        kind, reference = cursor.take("<iI", element)
+        kind, reference = file.take("<iI")
         others: list[Sensor] = []
         for _ in range(count - 1):
-            other, sensor, has_pose = cursor.take("<iIB", element)
-            pose = np.array(cursor.take("<7d", element)) if has_pose else None
-            others.append((_kind(other), sensor, pose))
-        yield _kind(kind), reference, others, partial(source.wrong, element)
+            other, sensor, has_pose = file.take("<iIB")
+            others.append((_kind(other), sensor, np.array(file.take("<7d")) if has_pose else None))
+        yield _kind(kind), reference, others, partial(source.wrong, f"rig {number}")
 
 
 def _binary_frames(source: Opened) -> Iterator[tuple[int, str, int]]:
-    cursor, entries = _entries(source)
+    file, entries = _entries(source)
     for _ in entries:
-        number, *_, count = cursor.take("<II7dI", "frame")
+        number, *_, count = file.take("<II7dI")
         for _ in range(count):
-            kind, _, image = cursor.take("<iIQ", f"frame {number}")
+            kind, _, image = file.take("<iIQ")
             yield number, _kind(kind), image
 
 

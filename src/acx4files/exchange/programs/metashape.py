@@ -19,7 +19,7 @@ from typing import Annotated
 import numpy as np
 
 from acx4files.exchange import coordinates, lens, options, project, safe
-from acx4files.exchange.coordinates import FLIP, TOP_AHEAD, UNKNOWN, Chosen
+from acx4files.exchange.coordinates import FLIP, TOP_AHEAD, Chosen
 from acx4files.exchange.lens import Lens, Pinhole
 from acx4files.exchange.project import Control, Measured, Project, Proof, Trajectory
 from acx4files.exchange.safe import Element, Opened, told
@@ -379,32 +379,26 @@ def _images(
     places: Mapping[str, _Place],
 ) -> project.Images:
     """Return the images of a chunk, in the ECEF frame of its system or in its own coordinates."""
-    rows = []
-    for camera in cameras.values():
-        name, own = sensors[_known(camera, "sensor_id", sensors, "sensor")]
+    rows, enabled = [], []
+    for name, camera in zip(names.values(), cameras.values(), strict=True):
+        by, own = sensors[_known(camera, "sensor_id", sensors, "sensor")]
         leader = camera.attribute("id")
         if "master_id" in camera.attrib:
             leader = _known(camera, "master_id", cameras, "camera")
         master = cameras[leader]
         _, led = sensors[_known(master, "sensor_id", sensors, "sensor")]
         T_c = _pose(master, led.mount.R.T @ own.mount.R, places)
-        rows.append((name, names[leader], T_c, _is_on(camera) and _is_on(master)))
-    by, exposures, poses, enabled = zip(*rows, strict=True)
-    return project.Images(
-        names=tuple(names.values()),
-        cameras=by,
-        exposures=exposures,
-        T_w_c=coordinates.stacked([*poses]),
-        enabled=np.array(enabled, dtype=bool),
-    )
+        rows.append((name, by, names[leader], T_c))
+        enabled.append(_is_on(camera) and _is_on(master))
+    return project.Images.of(rows, np.array(enabled, dtype=bool))
 
 
-def _pose(master: Element, R_master_c: Array, places: Mapping[str, _Place]) -> Pose:
-    """Return a camera's pose, unknown where it is not aligned, or its component has no place."""
+def _pose(master: Element, R_master_c: Array, places: Mapping[str, _Place]) -> Pose | None:
+    """Return a camera's pose, None where it is not aligned, or its component has no place."""
     element = master.maybe("transform")
     place = places.get(master.get("component_id", "")) or places.get("")
     if element is None or (places and place is None):
-        return UNKNOWN
+        return None
     values = element.numbers(16).reshape(4, 4)
     R, r = values[:3, :3], values[:3, 3]
     if not coordinates.is_rotation(R):
@@ -485,23 +479,21 @@ def _in_grid(chunk: _Chunk, system: Chosen | None, *, placed: bool) -> project.I
 
 def _measured(chunk: _Chunk, flown: Mapping[str, Element], system: Chosen | None) -> Trajectory:
     """Return the trajectory from references with both position and angles switched on."""
-    rows, off = {}, np.zeros(2, dtype=int)
-    n_places = 0
+    rows = {}
+    n_places, n_off, n_unturned = 0, 0, 0
     for name, reference in flown.items():
         place = _three(reference, LOCATION, "enabled")
         turns = _three(reference, ANGLES, "enabled", "rotation_enabled")
         if place is not None and turns is not None:
             rows[name] = (reference, place, turns)
         n_places += place is not None
-        off[0] += place is None and _three(reference, LOCATION) is not None
-        off[1] += turns is None and _three(reference, ANGLES, "enabled") is not None
-    kinds = (
-        'positions, with their angles, that are switched off (enabled="false")',
-        'attitudes that are switched off (rotation_enabled="false")',
-    )
-    left_out = tuple(
-        f"{n} measured {kind}: they are not used" for kind, n in zip(kinds, off, strict=True) if n
-    )
+        n_off += place is None and _three(reference, LOCATION) is not None
+        n_unturned += turns is None and _three(reference, ANGLES, "enabled") is not None
+    off = {
+        'positions, with their angles, that are switched off (enabled="false")': n_off,
+        'attitudes that are switched off (rotation_enabled="false")': n_unturned,
+    }
+    left_out = tuple(f"{n} measured {kind}: they are not used" for kind, n in off.items() if n)
     if not rows or system is None:
         lacks = "the chunk has no coordinate system (--crs)"
         why = lacks if rows else "none has angles as well, which trajectory.csv needs"

@@ -23,7 +23,7 @@ from typing import Annotated
 import numpy as np
 
 from acx4files.exchange import coordinates, lens, options, project, safe
-from acx4files.exchange.coordinates import FLIP, UNKNOWN
+from acx4files.exchange.coordinates import FLIP
 from acx4files.exchange.lens import Lens, Pinhole
 from acx4files.exchange.project import Control, Images, Measured, Project, Proof
 from acx4files.exchange.safe import Element, Opened
@@ -159,18 +159,14 @@ def read_project(
         source=NAME[second],
         sources=content.read,
         lenses={cameras[name]: lens for name, lens in content.lenses.items()},
-        images=Images(
-            names=names,
-            cameras=tuple(camera_of.values()),
-            exposures=names,
-            T_w_c=coordinates.stacked(
-                [content.poses[name][0] if name in content.poses else UNKNOWN for name in names]
-            ),
+        images=Images.of(
+            (name, camera, name, content.poses[name][0] if name in content.poses else None)
+            for name, camera in camera_of.items()
         ),
         measured=measured,
         proofs=(
             Proof(whose="surveyed points", measured=measured),
-            Proof(whose="points that MicMac projected itself (Verif)", measured=own),
+            Proof(whose="points that MicMac projected itself (Verif)", measured=own, is_own=True),
         ),
         control=Control(names=(*content.places,), enh=surveyed[:, 0], sigma=surveyed[:, 1]),
         settings={} if crs is None else {"crs": crs, "heights": "ellipsoidal"},

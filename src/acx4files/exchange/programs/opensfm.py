@@ -22,7 +22,7 @@ from typing import Annotated
 import numpy as np
 
 from acx4files.exchange import coordinates, lens, options, project, safe
-from acx4files.exchange.coordinates import FLIP, UNKNOWN, Chosen, stacked
+from acx4files.exchange.coordinates import FLIP, Chosen, stacked
 from acx4files.exchange.lens import Lens, Pinhole
 from acx4files.exchange.project import Control, Images, Measured, Project, Proof
 from acx4files.exchange.safe import Line, Node, Opened
@@ -101,7 +101,7 @@ def read_project(
     place = _place_of(files, root, images.T_w_c.r, gps, crs)
     listed = [file for file in map(files.maybe, CONTROL) if file is not None]
     marks, control, lost = Measured(), None, dict[str, int]()
-    proofs = [Proof(whose="the program's own points", measured=ties)]
+    proofs = [Proof(whose="the program's own points", measured=ties, is_own=True)]
     if listed and place is None:
         others = (f"{listed[0].name}: the reconstruction has no place on the Earth", *others)
     elif listed and place is not None:
@@ -481,12 +481,7 @@ def control(
     return Project(
         source="ODM's control points",
         sources=[file],
-        images=Images(
-            names=tuple(images),
-            cameras=(camera or "",) * len(images),
-            exposures=tuple(images),
-            T_w_c=stacked([UNKNOWN] * len(images)),
-        ),
+        images=Images.of((image, camera or "", image, None) for image in images),
         measured=Measured.of(
             [(k, name, at) for k, (_, name, at) in zip(image_idx, seen, strict=True)]
         ),

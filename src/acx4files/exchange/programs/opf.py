@@ -20,7 +20,7 @@ import numpy as np
 import pyproj
 
 from acx4files.exchange import coordinates, lens, options, project, safe
-from acx4files.exchange.coordinates import FLIP, TOP_AHEAD, UNKNOWN, Chosen, stacked
+from acx4files.exchange.coordinates import FLIP, TOP_AHEAD, Chosen
 from acx4files.exchange.lens import Lens, Pinhole
 from acx4files.exchange.project import Control, Measured, Project, Proof, Trajectory
 from acx4files.exchange.safe import Node, refusal, told
@@ -104,7 +104,6 @@ def read_project(
             sigma=np.stack([place.sigma for place in places]),
             is_check=tuple(is_check for _, is_check in surveyed.values()),
         )
-    names, cameras, exposures = zip(*images.values(), strict=True) if images else ((), (), ())
     poses = _calibrated(documents[AFTER])
     read = [one for one in (root, *documents.values()) if one.value]
     generator = [
@@ -120,16 +119,11 @@ def read_project(
         source=" ".join(["OPF of", *generator] if generator else ["OPF"]),
         sources=[one.source for one in (*read, *([] if tracks is None else [tracks]))],
         lenses=dict(sensors.values()),
-        images=project.Images(
-            names=names,
-            cameras=cameras,
-            exposures=exposures,
-            T_w_c=stacked([poses.get(number, UNKNOWN) for number in images]),
-        ),
+        images=project.Images.of((*image, poses.get(i)) for i, image in images.items()),
         measured=project.joined(marks, ties),
         proofs=(
-            Proof(whose="the calibrated control points", measured=marks),
-            Proof(whose="the calibrated tie points", measured=ties),
+            Proof(whose="the calibrated control points", measured=marks, is_own=True),
+            Proof(whose="the calibrated tie points", measured=ties, is_own=True),
         ),
         control=control,
         settings={

@@ -16,7 +16,7 @@ import numpy as np
 
 from acx4files.exchange.safe import Line, Opened, lines
 from acx4files.flight.problems import Range, lines_of, quoted
-from acx4files.flight.table_files import checked
+from acx4files.flight.table_files import checked, width_problems
 from acx4files.flight.tables import NUMBER, Schema, Table
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Mask
@@ -99,6 +99,9 @@ THOUSANDS = re.compile(r"[-+]?\d{1,3},\d{3}")
 """Numbers with a decimal comma, and those of which it may also set thousands apart."""
 
 WEEKS = Range(0, 100_000, "must be the GPS week, a whole number", whole=True)
+MORE = "blanks in a name, degrees and minutes, or decimal commas?"
+"""Why a row may have more cells than its heading."""
+
 MARKS = {";": "semicolons", "\t": "tabs", ",": "commas"}
 """What may separate cells."""
 
@@ -210,7 +213,7 @@ class Listed:
                 f"The heading in line {self.heading_line}, since the columns are declared{against}."
             )
         skipped = [k for k, column in enumerate(self.columns) if column.name == SKIP]
-        named = [self.heading[k] if self.heading else f"column {k + 1}" for k in skipped]
+        named = [self.heading[k] if k < len(self.heading) else f"column {k + 1}" for k in skipped]
         named += [f"{self.n_beyond} after those declared"] * bool(self.n_beyond)
         if named:
             sentences.append(f"Columns that are no {what}: {', '.join(named)}.")
@@ -281,12 +284,10 @@ def read_list(
     if not rows:
         raise source.wrong("file", "has a heading and no rows", "must have rows")
     n_beyond = max(len(rows[-1]) - len(named), 0) if columns else 0
-    for row in rows if heading is None else (heading, *rows):
-        if len(row) != len(named) + n_beyond:
-            hint = "blanks in a name, degrees and minutes, or decimal commas?"
-            hint = hint if len(row) > len(named) else "cut off?"
-            expected = f"must have {len(named) + n_beyond}, one for each column"
-            raise row.wrong("row", f"has {len(row)} cells ({hint})", expected)
+    lines_at, widths = [row.number for row in rows], [len(row) for row in rows]
+    width = len(named) + n_beyond
+    if problems := [*width_problems(source.file, lines_at, widths, width, MORE)]:
+        raise FlightError(lines_of(problems))
     cells = {
         column.name: [row.cells[k] for row in rows]
         for k, column in enumerate(named)
@@ -302,8 +303,7 @@ def read_list(
         keys=tuple(key for key in keys if cells.keys() >= set(key))[:1],
         ranges={named[k].name: named[k].allowed for k in numeric},
     )
-    lines_at = np.array([row.number for row in rows])
-    table = checked(Table(file=source.file, lines=lines_at), cells, schema)
+    table = checked(Table(file=source.file, lines=np.array(lines_at)), cells, schema)
     if table.problems:
         raise FlightError(lines_of(table.problems))
     scales = {column.name: UNITS[column.unit] for column in named if column.unit}

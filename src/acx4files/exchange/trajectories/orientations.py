@@ -17,7 +17,13 @@ from acx4files.exchange import safe
 from acx4files.exchange.flight_folder import ImportedFlight, number_of
 from acx4files.exchange.options import Block, Camera, Columns, Crs, Ellipsoidal, Heights, Option
 from acx4files.exchange.safe import Opened
-from acx4files.exchange.trajectories.listed import MEASURED, SURVEYED, Listed, read_list
+from acx4files.exchange.trajectories.listed import (
+    KNOWN,
+    MEASURED,
+    SURVEYED,
+    Listed,
+    read_list,
+)
 from acx4files.flight.problems import quoted
 from acx4files.flight.tables import SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.expected import Array, Mask
@@ -409,23 +415,16 @@ POSPAC = "pospac"
 """The columns of such a text."""
 
 PHRASES = {
-    r"ELLIPSOID(AL)? (HEIGHT|HGT)|ELL\.? (HEIGHT|HGT)": "height",
-    r"(ORTHOMETRIC|ORTHO|MSL) (HEIGHT|HGT)": "height",
-    r"(EAST|NORTH|UP|DOWN)(ING)? VELOCITY": r"\2_velocity",
-    r"EAST(ING)? SD": "sigma_east",
-    r"NORTH(ING)? SD": "sigma_north",
-    r"(HEIGHT|ROLL|PITCH|HEADING) SD": r"sigma_\2",
-    r"(DISTANCE|WANDER)( ANGLE)?": r"\2",
-    r"(# ?)?EVENT( ?#)?": "exposure",
-    r"(GPS ?)?TIME( ?\(S(EC)?\))?": "time",
-    r"(IMAGE |PHOTO )?(ID|NAME)": "image",
-    r"EASTING": "east",
-    r"NORTHING": "north",
-    r"LAT(ITUDE)?": "lat",
-    r"LONG?(ITUDE)?": "lon",
-    r"OMEGA|PHI|KAPPA|ROLL|PITCH|HEADING|HEIGHT": r"\1",
+    r"(ELLIPSOID(AL)?|ELL\.?|ORTHOMETRIC|ORTHO|MSL) (HEIGHT|HGT)": "HEIGHT",
+    r"(EAST|NORTH|UP|DOWN)(ING)? VELOCITY|WANDER ANGLE": "VELOCITY",
+    r"(EAST|NORTH|HEIGHT|ROLL|PITCH|HEADING)(ING)? SD": r"SIGMA_\1",
+    r"(GPS )?TIME( ?\(S(EC)?\))?": "TIME",
+    r"(IMAGE|PHOTO) (ID|NAME)": "IMAGE",
 }
-"""Phrases of a heading for its columns; the longer of two first."""
+"""Phrases of a heading, and the words for them."""
+
+UNREAD = ("velocity", "wander", "distance")
+"""Columns that are no orientation."""
 
 ANGLE = {"DEG": "deg", "GRAD": "gon", "GON": "gon", "RAD": "rad"}
 TURN = re.compile(r"(?:FIRST|SECOND|THIRD) ROTATION IS ABOUT THE \W?([XYZ])\W")
@@ -436,9 +435,6 @@ SEQUENCES = {"XYZ": "opk", "YXZ": "pok"}
 
 APPLIED = re.compile(r"(?:BORESIGHT|LEVER ARM) VALUES.*[1-9]")
 """A line of the preamble with a boresight or lever arms that are not zero."""
-
-MOST_PREAMBLE = 60
-"""Lines of the preamble that are kept."""
 
 
 def _pospac(source: Opened, meaning: Meaning) -> tuple[Listed, Meaning, str, tuple[str, ...]]:
@@ -458,17 +454,14 @@ def _pospac(source: Opened, meaning: Meaning) -> tuple[Listed, Meaning, str, tup
     plain = "\n".join([*[""] * k_heading, " ".join(names), *rows])
     plain_source = replace(source, data=plain.encode(), encoding="")
     listed = read_list(plain_source, "", keys=NAMED, angle=unit)
-    preamble = [
-        " ".join(line.split())[:200] for line in text[:k_heading] if re.search(r"\w", line)
-    ][:MOST_PREAMBLE]
+    preamble = [" ".join(line.split()) for line in text[:k_heading] if re.search(r"\w", line)]
     is_camera = listed.has(*OPK)
     is_applied = is_camera or any(APPLIED.match(line.upper()) for line in preamble)
-    is_orthometric = "ORTHO" in text[k_heading].upper() or "MSL" in text[k_heading].upper()
+    is_orthometric = re.search(r"\b(ORTHO|MSL)", text[k_heading].upper()) is not None
     if is_orthometric and meaning.heights == "ellipsoidal":
+        fault = "is no ellipsoidal height"
         expected = "needs --heights: a vertical CRS, a geoid grid file or a number"
-        raise source.wrong(
-            "ORTHOMETRIC HEIGHT", "is no ellipsoidal height", expected, line=k_heading + 1
-        )
+        raise source.wrong("ORTHOMETRIC HEIGHT", fault, expected, line=k_heading + 1)
     meaning = replace(
         meaning,
         order=order or meaning.order,
@@ -482,19 +475,17 @@ def _pospac(source: Opened, meaning: Meaning) -> tuple[Listed, Meaning, str, tup
 def _heading(source: Opened, text: Sequence[str]) -> tuple[int, list[str]]:
     """Return the place of the heading, and the names of its columns, each once."""
     for k, line in enumerate(text):
-        rest = re.sub(r"[ \t]+", " ", line.upper())
-        for phrase, name in PHRASES.items():
-            for match in reversed([*re.finditer(rf"(?<![A-Z])({phrase})(?![A-Z])", rest)]):
-                rest = rest[: match.start()] + match.expand(name).lower() + rest[match.end() :]
-        names = re.findall(r"[a-z_]+", rest)
-        if not any({*form} <= {*names} for form in (OPK, RPH)) or line.lstrip().startswith("("):
+        rest = " ".join(line.upper().split())
+        for phrase, word in PHRASES.items():
+            rest = re.sub(rf"\b{phrase}", word, rest)
+        words = re.findall("[a-z_]+", rest.lower())
+        names = [KNOWN.get(word, word) for word in words]
+        if line.lstrip().startswith("(") or not any({*form} <= {*names} for form in (OPK, RPH)):
             continue
-        if unknown := re.findall(r"[A-Z]{2,}|\b[XYZ]\b", rest):
-            fault = f"{quoted(unknown[0])} is not known"
+        if unknown := [word for word in words if word not in (*KNOWN, *UNREAD)]:
+            fault = f"{quoted(unknown[0].upper())} is not known"
             raise source.wrong("heading", fault, "declare the columns by --columns", line=k + 1)
-        return k, [
-            name if names.index(name) == i else f"{name}_again" for i, name in enumerate(names)
-        ]
+        return k, [n if names.index(n) == i else f"{n}_again" for i, n in enumerate(names)]
     expected = (
         "must have a line with EASTING, NORTHING, … OMEGA, PHI, KAPPA or ROLL, PITCH, HEADING"
     )

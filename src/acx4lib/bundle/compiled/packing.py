@@ -65,8 +65,8 @@ class Packed:
         return replace(self, rays=self.rays._replace(weight=weight[self.rays.row]))
 
 
-class Measured(NamedTuple):
-    """Measurements of a block, in its order.
+class PointsInMm(NamedTuple):
+    """Image points of a block, in its order.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Measured(NamedTuple):
     weight: Array
 
 
-def measured(block: Block, points: ImagePoints) -> Measured:
+def in_mm(block: Block, points: ImagePoints) -> PointsInMm:
     """Return image points of a block in millimetres."""
     if len(block.cameras) == 1:
         xy = xy_from_colrow(block.cameras[0], points.colrow)
@@ -92,7 +92,7 @@ def measured(block: Block, points: ImagePoints) -> Measured:
         for k, camera in enumerate(block.cameras):
             own = camera_idx == k
             xy[own] = xy_from_colrow(camera, points.colrow[own])
-    return Measured(
+    return PointsInMm(
         point=points.point_idx.astype(np.int32, copy=False),  # one kind of array, compiled once
         image=points.image_idx,
         xy=xy,
@@ -109,7 +109,7 @@ def weights(block: Block, points: ImagePoints) -> Array:
 
 
 def pack(
-    rows: Measured,
+    rows: PointsInMm,
     *,
     free_points: Mask,
     also: Index,
@@ -124,7 +124,7 @@ def pack(
 
     Parameters
     ----------
-    rows : Measured
+    rows : PointsInMm
     free_points : ndarray, shape (n_points,)
     also : ndarray, shape (k,)
         Points that have other observations too.

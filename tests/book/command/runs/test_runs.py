@@ -75,7 +75,7 @@ def test_a_stage_that_fails_is_status_1_with_what_was_found_before_and_no_old_nu
         raise AdjustmentError(message)
 
     with monkeypatch.context() as patched:
-        patched.setitem(runner.RUNS, "mounting", fail)
+        patched.setattr(runner.mounting, "run", fail)
         found = run(job)
     assert (found.status, found.row) == (1, {})
     assert found.reason == "mounting: does (and 1 more)"

@@ -2,6 +2,7 @@
 
 import json
 import re
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -243,32 +244,6 @@ def test_the_trajectory_at_events_is_the_imus(tmp_path):
     assert "those of the camera" in applied.assumed[2]
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("nothing\n", "eo.txt:1: heading: is not there; must have a line with EASTING"),
-        (f"{PREAMBLE}{HEADING}\n", "has a heading and no rows"),
-        (f"{PREAMBLE}{HEADING}\n1 2 3\n", "eo.txt:6: row: has 3 cells (cut off?); must have 11"),
-        (f"{PREAMBLE}{HEADING}, FOO\n{ROW}\n", "eo.txt:5: heading: 'FOO' is not known"),
-        (f"{PREAMBLE}{HEADING.replace('EASTING', 'X')}\n{ROW}\n", "heading: 'X' is not known"),
-        (f"{PREAMBLE}{sequence('zyx')}{HEADING}\n7 3 1 {ROW}\n", "eo.txt:6: rotations: "),
-        (f"{PREAMBLE.replace('Meters', 'Feet')}{HEADING}\n7 3 1 {ROW}\n", "eo.txt:4: units:"),
-        (
-            f"{PREAMBLE}{HEADING.replace('ELLIPSOID', 'ORTHOMETRIC')}\n7 3 1 {ROW}\n",
-            "ORTHOMETRIC HEIGHT: is no ellipsoidal height; needs --heights",
-        ),
-        (
-            f"{PREAMBLE}{HEADING}\n7 3 1.5 {ROW.replace('179.18', 'x')}\n",
-            "eo.txt:6: kappa: 'x'; must be a finite number",
-        ),
-    ],
-)
-def test_other_texts_are_refused(tmp_path, text, says):
-    with pytest.raises(FlightError) as raised:
-        read_pospac(tmp_path, text)
-    assert says in str(raised.value)
-
-
 @needs("noaa-dss-dg")
 @pytest.mark.parametrize("name", ["C19748959", "C25959144"])
 def test_orientations_of_a_real_flight_by_applanix(tmp_path, name):
@@ -359,7 +334,7 @@ REFUSED = [
     ("orientations", OF_CAMERA.replace(" z", "") + "A 1 2 3 4 5\n", {}, "1: columns: are image,"),
     ("orientations", OF_CAMERA + "A 1 2 3 400 0 0\n", {}, "2: omega: 400; must be an angle in"),
     ("orientations", OF_CAMERA + "A 1 2 3 4 0 0 5 6\n", {}, "2: row: has 9 cells (blanks in a n"),
-    ("orientations", OF_CAMERA + "A 1 2 3 4 0\n", {}, "2: row: has 6 cells (cut off?); must hav"),
+    ("orientations", OF_CAMERA + "A 1 2 3 4 0\n", {}, "2: row: has 6 cells (cut off?); as many"),
     ("orientations", GEOGRAPHIC.replace("-25.45", "-95"), {}, "2: lat: -95; must lie"),
     ("orientations", GEOGRAPHIC, {"north": "grid"}, "--crs: is not given; a heading from grid no"),
     ("orientations", GEOGRAPHIC, {"north": "grid", "crs": "EPSG:4326"}, "is not a projected CRS"),
@@ -375,14 +350,29 @@ REFUSED = [
     ("surveyed", "x y z\n1 2 3\n", UTM, "1: columns: have no point; must be point east north"),
     ("surveyed", "point x y z role\nP 1 2 3 tie\n", UTM, "2: role: 'tie'; must be control or che"),
     ("surveyed", "point lat lon h\nP 91 2 3\n", UTM, "2: lat: 91; must lie between -90 and 90"),
+    ("pospac", "nothing\n", {}, "1: heading: is not there; must have a line with EASTING"),
+    ("pospac", PREAMBLE + HEADING, {}, "has a heading and no rows"),
+    ("pospac", f"{PREAMBLE}{HEADING}\n1 2 3\n", {}, "6: row: has 3 cells (cut off?); as many as"),
+    ("pospac", f"{PREAMBLE}{HEADING}, FOO\n", {}, "5: heading: 'FOO' is not known"),
+    ("pospac", f"{PREAMBLE}{sequence('zyx')}{HEADING}\n", {}, "6: rotations: "),
+    ("pospac", f"{PREAMBLE.replace('Meters', 'Feet')}{HEADING}\n", {}, "4: units:"),
+    (
+        *("pospac", f"{PREAMBLE}{HEADING}\n7 3 1 {ROW}\n".replace("ELLIPSOID", "ORTHOMETRIC"), {}),
+        "ORTHOMETRIC HEIGHT: is no ellipsoidal height; needs --heights",
+    ),
+    (
+        *("pospac", f"{PREAMBLE}{HEADING}\n7 3 1 {ROW.replace('179.18', 'x')}\n", {}),
+        "6: kappa: 'x'; must be a finite number",
+    ),
 ]
 
 
 @pytest.mark.parametrize(("kind", "text", "options", "says"), REFUSED)
 def test_other_lists_are_refused_in_one_line(file, kind, text, options, says):
-    readers = {"orientations": orientations.read, "surveyed": orientations.surveyed}
+    pospac = partial(orientations.read, columns="pospac")
+    readers = {"orientations": orientations.read, "measured": measured, "pospac": pospac}
     with pytest.raises(FlightError) as raised:
-        readers.get(kind, measured)(file(text), **options)
+        readers.get(kind, orientations.surveyed)(file(text), **options)
     (line,) = raised.value.problems
     assert says in line
 
@@ -489,5 +479,7 @@ def test_a_first_row_of_spoilt_numbers_is_no_heading(row):
 def test_a_heading_beside_declared_columns_is_told_and_where_it_contradicts_them():
     (same,) = point_tables_read("image x y\nA 1 2\n", "image x y").left_out("orientation")
     assert same == "The heading in line 1, since the columns are declared."
+    wide = point_tables_read("image name in x in y\nA 1 2\n", "image x y")
+    assert wide.left_out("orientation")[0].startswith("The heading in line 1")
     (other,) = point_tables_read("image y x\nA 1 2\n", "image x y").left_out("orientation")
     assert "contradicts the declared columns: 'y' over east, 'x' over north" in other

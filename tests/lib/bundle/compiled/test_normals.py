@@ -11,6 +11,7 @@ from acx4lib.bundle import adjust
 from acx4lib.bundle.compiled import normals, packing
 from acx4lib.bundle.compiled.normals import by_points
 from acx4lib.bundle.observations import PoseObservations
+from acx4lib.bundle.unknowns import holding
 from acx4lib.geometry.parameters import Prior
 from acx4lib.least_squares import adjustment, processors
 from acx4lib.least_squares.adjustment import of_points
@@ -111,10 +112,8 @@ def with_held_control(block):
 
 def with_held_poses(net, every=3):
     """Some poses are held at their approximate values."""
-    names = net.pose_names[1::every]
-    return adjust.with_held_poses(
-        net, names, net.start.T_m_b[np.arange(1, len(net.start.T_m_b), every)]
-    )
+    columns = net.layout.pose[1::every]
+    return net.with_layout(holding(net.layout, columns[columns >= 0]))
 
 
 NETWORKS = {
