@@ -20,13 +20,12 @@ control points; image_points.csv may be missing or empty. Attitudes may be wrong
 and the height of the ground unknown: features of the pictures tell. MEASURED is a complete flight
 with the same tables and pictures: tie points found in the pictures, each with its standard
 deviation from the matching, and surveyed points, which are looked for where the trajectory puts
-them. Measurements that are there already are kept. What is not found is listed. A command that was
-interrupted goes on where it was.
+them. Measurements that are there already are kept. What is not found is listed.
 
 \b
 Examples:
   acx4 measure my_flight --out measured
-  acx4 measure my_flight --out measured --jobs 4 --show seen
+  acx4 measure my_flight --out measured --jobs 4
   acx4 measure my_flight --out measured --reduce 2 --ground 140
   acx4 check measured
 """
@@ -41,9 +40,6 @@ def measure(
     ground: Annotated[
         float | None, terminal.option("HEIGHT", "Of the mean ground, if nothing tells it.")
     ] = None,
-    show_in: Annotated[
-        Path | None, terminal.option("FOLDER", "New folder for pictures of them.", "--show")
-    ] = None,
     jobs: Annotated[
         int, typer.Option(metavar="N", min=1, help="Pairs at a time, a process each.")
     ] = 1,
@@ -51,20 +47,14 @@ def measure(
     """Measure the pictures of a flight."""
     from acx4book.command import runs  # noqa: PLC0415 quick help
     from acx4files.measuring.levels import MeasureOptions  # noqa: PLC0415 quick help
-    from acx4files.measuring.measure import measure_flight, write_pictures  # noqa: PLC0415 quick help
-    from acx4files.results import whole_files  # noqa: PLC0415 quick help
+    from acx4files.measuring.measure import measure_flight  # noqa: PLC0415 quick help
 
     if flight.resolve() == out.resolve():
         terminal.refuse(f"{out}: is the flight itself; choose another folder for the measured one")
-    if show_in is not None:
-        whole_files.check_new(show_in)
     options = MeasureOptions(reduce=reduce, ground_m=ground)
     pool = nullcontext() if jobs == 1 else runs.executor(jobs, None)
     with terminal.stage_bars("pairs") as tell, pool as executor:
         outcomes = measure_flight(flight, out, options=options, executor=executor, tell=tell)
-    if show_in is not None:
-        with whole_files.placed(show_in) as draft:
-            write_pictures(outcomes, draft)
     terminal.say_if_not_kept()
     for outcome in outcomes:
         for sentence in outcome.sentences:

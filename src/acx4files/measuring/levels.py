@@ -1,23 +1,25 @@
-"""Corners that cover a picture evenly (Harris), one in each of its cells."""
+"""A block of pictures matched from small to large: each level refines what the next begins with."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
 from acx4files.measuring.oriented import TieRays, approximate, chosen, joined, refined
-from acx4files.measuring.pairs import Both, Matching, MatchOptions, PairJob
+from acx4files.measuring.pairs import MatchOptions, PairJob, each, match_pair
 from acx4files.measuring.views import Surface, View, ground_of, pixels_of, pixels_of_view, seen_at
-from acx4lib import expected
 from acx4lib.block import Block
 from acx4lib.errors import FlightError
-from acx4lib.expected import Array, Index, Mask
+from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import inside
 from acx4lib.tie_points.matching import grey, response
+
+# --- Corners that cover a picture evenly (Harris), one in each of its cells
 
 
 def corners(view: View, *, number: int, margin: int) -> Index:
@@ -37,23 +39,14 @@ def corners(view: View, *, number: int, margin: int) -> Index:
     across, down = max(round(cols / side), 1), max(round(rows / side), 1)
     edges_x = np.linspace(margin, cols - margin, across + 1).astype(int)
     edges_y = np.linspace(margin, rows - margin, down + 1).astype(int)
-    strongest = [
-        best
-        for top, bottom in pairwise(edges_y.tolist())
-        for left, right in pairwise(edges_x.tolist())
-        if (best := _best(image, (top, bottom, left, right))) is not None
-    ]
+    strongest = []
+    for (top, bottom), (left, right) in product(pairwise(edges_y), pairwise(edges_x)):
+        if bottom > top and right > left:
+            values = response(grey(np.ascontiguousarray(image[top:bottom, left:right])))
+            row, col = np.unravel_index(int(np.argmax(values)), values.shape)
+            if values[row, col] > 0:
+                strongest.append((left + col, top + row))
     return np.array(strongest, dtype=np.intp).reshape(-1, 2)
-
-
-def _best(image: Array, cell: tuple[int, int, int, int]) -> tuple[int, int] | None:
-    """Return col, row of the strongest corner in a cell; None where it has no corner."""
-    top, bottom, left, right = cell
-    if bottom <= top or right <= left:
-        return None
-    values = response(grey(np.ascontiguousarray(image[top:bottom, left:right])))
-    row, col = np.unravel_index(int(np.argmax(values)), values.shape)
-    return (left + int(col), top + int(row)) if values[row, col] > 0 else None
 
 
 # --- Which pictures show the same ground, by their approximate orientations
@@ -74,13 +67,15 @@ STEEPEST = 1.1
 
 def overlapping(views: Sequence[View], surface: Surface) -> list[tuple[int, int]]:
     """Return the pairs of views that show enough of the same ground, i < j."""
-    grounds = [ground_of(view, surface, _grid(view)) for view in views]
-    sizes = np.array([_ground_px(view, x_m) for view, x_m in zip(views, grounds, strict=True)])
-    share = np.array([_shares(view, grounds) for view in views])
+    grounds = np.array([ground_of(view, surface, _grid(view)) for view in views])
+    r = np.array([view.T_m_c.r[0] for view in views])
+    away = np.nanmedian(np.linalg.norm(grounds - r[:, None], axis=2), axis=1)
+    sizes = away * [view.declared.pixel_mm / view.declared.interior.f for view in views]
+    seen = [inside(view.camera, pixels_of(view, grounds.reshape(-1, 3))) for view in views]
+    share = np.array(seen).reshape(len(views), len(views), -1).mean(axis=2)
     both = np.maximum(share, share.T) >= LEAST_SHARE
     ratio = sizes[:, None] / sizes
     both &= np.maximum(ratio, ratio.T) <= LARGEST_SCALE
-    r = np.array([view.T_m_c.r[0] for view in views])
     base = np.hypot(*(r[:, None, :2] - r[None, :, :2]).transpose(2, 0, 1))
     high = r[:, 2] - float(np.mean(surface.z))
     both &= base <= STEEPEST * np.minimum(high[:, None], high)
@@ -93,33 +88,21 @@ def _grid(view: View) -> Array:
     return np.column_stack([x.ravel(), y.ravel()])
 
 
-def _shares(view: View, grounds: Sequence[Array]) -> Array:
-    """Return the share of the points of every ground that a view shows."""
-    colrow = pixels_of(view, np.concatenate(grounds))
-    return np.asarray(inside(view.camera, colrow).reshape(len(grounds), -1).mean(axis=1))
-
-
-def _ground_px(view: View, x_m: Array) -> float:
-    """Return the size of a picture's pixel on the ground, m, at the declared size."""
-    high = float(np.nanmedian(np.linalg.norm(x_m - view.T_m_c.r[0], axis=1)))
-    return high * view.declared.pixel_mm / view.declared.interior.f
-
-
-# --- A block of pictures matched from small to large: each level refines what the next
-# begins with
+# --- The levels
 
 
 COARSE_PX = 760
 """Longer side of the pictures at the first level, at most."""
 
-COARSE, FINE = MatchOptions(search_px=14, epipolar_px=1.0), MatchOptions()
-"""Of the first level, where orientations and ground are not known well, and of the others."""
+SEARCH_PX, EPIPOLAR_PX = 14, 1.0
+"""Of the first level, where orientations and ground are not known well."""
 
 FAINT = MatchOptions(correlation_px=21, least_correlation=0.4, largest_sigma_px=0.35)
 """Where features gave the orientations: of photographs, in which lawns and woods correlate less."""
 
-USUAL, MANY = 200, 700
-"""Cells of a picture. Where a trajectory is poor, more tie points are needed."""
+POINTS = 200
+"""Cells of a picture, each of which gives one corner at most. With as many, principal points gain
+most for the time; focal length and boresight are bounded by the trajectory from 100 on."""
 
 ONE_WAY = float(np.cos(np.radians(5.0)))
 """Cosine of the angle below which two heads look one way."""
@@ -127,9 +110,11 @@ ONE_WAY = float(np.cos(np.radians(5.0)))
 STEP_DOWN = 4
 """Largest ratio of the sizes of two levels that follow each other."""
 
-CROWDED, APART = 3, 1 / 4
-"""Distance of corners, in windows, below which each place belongs to the picture that shows it
-nearest to its middle; and the least distance of points."""
+APART = 1 / 4
+"""Least distance of points, in windows."""
+
+_LEAST_RAYS = 12
+_CURE = "are trajectory, mount_*_deg and --ground right, and are the files those of these images?"
 
 Tell = Callable[[str, int, int], None]
 
@@ -140,23 +125,17 @@ class MeasureOptions:
 
     Attributes
     ----------
-    points : int or None
-        Cells of a picture, each of which gives at most one corner; by default `USUAL`, and `MANY`
-        where features gave the orientations.
+    points : int
+        Cells of a picture, each of which gives at most one corner.
     reduce : int
         Pictures are measured at 1/reduce of their size; for poor ones.
     ground_m : float or None
         Height of the mean ground, as the flight gives heights.
     """
 
-    points: int | None = None
+    points: int = POINTS
     reduce: int = 1
     ground_m: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.points is not None:
-            expected.whole("points", self.points, least=20)
-        expected.whole("reduce", self.reduce)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -195,9 +174,9 @@ def match_block(
     surface: Surface,
     *,
     options: MeasureOptions,
-    matching: Matching,
+    executor: Executor | None,
     tell: Tell,
-    skip: int = 0,
+    faint: bool = False,
 ) -> Matched:
     """Match all overlapping pictures of a block, level by level.
 
@@ -213,11 +192,12 @@ def match_block(
     surface : Surface
         Approximate ground.
     options : MeasureOptions
-    matching : Matching
+    executor : Executor or None
+        Where pairs are matched; by default here.
     tell : callable
         Called with the name of a level, its finished pairs, and all.
-    skip : int
-        Levels that are left out at the start; one where orientations come from features.
+    faint : bool
+        Whether features gave the orientations.
 
     Raises
     ------
@@ -227,23 +207,19 @@ def match_block(
         Where the points cannot be adjusted.
     """
     best, of_file = None, views[0].shrink
-    n_points = options.points or (MANY if skip else USUAL)
-    camera = block.images.camera_idx
-    sizes = sizes_of(views, options.reduce)
-    for k, shrink in enumerate(sizes[min(skip, len(sizes) - 1) :], start=skip):
+    match = FAINT if faint else MatchOptions()
+    wide = replace(match, search_px=SEARCH_PX, epipolar_px=EPIPOLAR_PX)
+    for shrink in sizes_of(views, options.reduce):
         views = [seen_at(view, k) for view, k in zip(views, shrink, strict=True)]
-        match = FAINT if skip else FINE if k else COARSE
-        run = partial(matching.run, count=partial(tell, f"{block.name} 1/{max(shrink)}"))
-        pairs = [p for p in overlapping(views, surface) if not skip or _worth_it(block, *p)]
-        of_head = [(i, j) for i, j in pairs if camera[i] == camera[j]]
-        pixels = _corners(views, surface, of_head, n_points, match.window_px)
+        count = partial(tell, f"{block.name} 1/{max(shrink)}")
         try:
-            rays = _matched(block, views, surface, pairs, pixels, match, run)
+            how = match if best else wide
+            rays = _matched(block, views, surface, options.points, how, executor, count)
         except FlightError:
             if best is None:
                 raise
             break
-        oriented = refined(approximate(block, _height(views, surface)), views, rays)
+        oriented = refined(approximate(block, height(views, surface)), views, rays)
         views, surface = oriented.views, oriented.surface
         level = Matched(
             views=oriented.views,
@@ -259,8 +235,8 @@ def match_block(
     return best
 
 
-def beyond_search(block: Block, views: Sequence[View], surface: Surface, reduce: int) -> str:
-    """Say where the trajectory's sigma moves pictures by more than the first level searches.
+def is_within_search(block: Block, views: Sequence[View], surface: Surface, reduce: int) -> bool:
+    """Tell whether the trajectory's sigma moves pictures by less than the first level searches.
 
     Parameters
     ----------
@@ -272,27 +248,14 @@ def beyond_search(block: Block, views: Sequence[View], surface: Surface, reduce:
         Approximate ground.
     reduce : int
         As in `MeasureOptions`.
-
-    Returns
-    -------
-    str
-        Empty where it does not, or has no sigma.
     """
     exposures = block.images.exposure_idx
     position = block.trajectory.sigma_position[exposures].max(axis=1)
     attitude = block.trajectory.sigma_attitude[exposures].max(axis=1)
-    across = np.hypot(position / _height(views, surface), attitude)
-    first = sizes_of(views, reduce)[0]
-    f_px = np.array([v.declared.interior.f / v.declared.pixel_mm for v in views]) / first
-    apart = np.sqrt(2) * across * f_px  # of a picture against another
-    wide = apart[np.isfinite(apart) & (apart > COARSE.search_px)]
-    if not len(wide):
-        return ""
-    return (
-        f"{block.name}: by its sigma the trajectory puts pictures up to {wide.max():.0f} px off "
-        f"against each other at the first size, 1/{max(first)}, where {COARSE.search_px} px are "
-        "searched: points may be missed"
-    )
+    across = np.hypot(position / height(views, surface), attitude)
+    f_px = np.array([v.declared.interior.f / v.declared.pixel_mm for v in views])
+    apart = np.sqrt(2) * across * f_px / sizes_of(views, reduce)[0]  # of one against another
+    return not np.any(np.isfinite(apart) & (apart > SEARCH_PX))
 
 
 def sizes_of(views: Sequence[View], reduce: int) -> list[list[int]]:
@@ -305,26 +268,36 @@ def sizes_of(views: Sequence[View], reduce: int) -> list[list[int]]:
     return [[k * factor for k in last] for factor in factors]
 
 
+def height(views: Sequence[View], surface: Surface) -> float:
+    """Return the flying height above ground, m."""
+    z = np.median([view.T_m_c.r[0, 2] for view in views])
+    return max(float(z - np.mean(surface.z)), 1.0)
+
+
 def _matched(
     block: Block,
     views: Sequence[View],
     surface: Surface,
-    pairs: Sequence[tuple[int, int]],
-    pixels: Sequence[Index],
+    n_points: int,
     options: MatchOptions,
-    run: Callable[[Sequence[PairJob]], list[Both]],
+    executor: Executor | None,
+    count: Callable[[int, int], None],
 ) -> TieRays:
     """Return the points of one level."""
+    camera = block.images.camera_idx
+    pairs = [p for p in overlapping(views, surface) if _worth_it(block, *p)]
     if not pairs:
         raise FlightError([f"block {block.name}: no two pictures show the same ground; {_CURE}"])
+    margin = options.window_px // 2 + 3
+    pixels = [corners(view, number=n_points, margin=margin) for view in views]
     jobs = [
         PairJob(
             a=views[i], b=views[j], surface=surface, at_a=pixels[i], at_b=pixels[j], options=options
         )
         for i, j in pairs
     ]
-    matches = dict(zip(pairs, run(jobs), strict=True))
-    rays = joined(pixels, matches, block.images.camera_idx)
+    matches = dict(zip(pairs, each(match_pair, jobs, executor, count), strict=True))
+    rays = joined(pixels, matches, camera)
     shown = _shown(views, surface, pixels, pairs)
     rays = chosen(rays, shown[rays.point], apart_px=options.window_px * APART)
     if len(rays) < _LEAST_RAYS * len(views):
@@ -347,53 +320,6 @@ def _worth_it(block: Block, i: int, j: int) -> bool:
     return bool(same or look[0] @ look[1] < ONE_WAY)
 
 
-_CURE = "are trajectory, mount_*_deg and --ground right, and are the files those of these images?"
-_LEAST_RAYS = 12
-
-
-def _corners(
-    views: Sequence[View],
-    surface: Surface,
-    pairs: Sequence[tuple[int, int]],
-    n_points: int,
-    window_px: int,
-) -> list[Index]:
-    """Return the corners of every view; where crowded, only those in the view that shows them best.
-
-    Pictures of a head that share a place have the same corners there, and of those that are close
-    to each other only one would be used. So the place is left to the picture that shows it nearest
-    to its middle, which has more of them. Pairs are those of each head.
-    """
-
-    def corners_of(number: int) -> list[Index]:
-        return [corners(view, number=number, margin=window_px // 2 + 3) for view in views]
-
-    size = views[0].camera
-    if size.width_px * size.height_px > n_points * (CROWDED * window_px) ** 2:
-        return corners_of(n_points)
-    shown = float(np.mean(_shown(views, surface, corners_of(USUAL), pairs)))
-    pixels = corners_of(int(n_points * shown))
-    return [colrow[_is_master(k, colrow, views, surface, pairs)] for k, colrow in enumerate(pixels)]
-
-
-def _is_master(
-    i: int, colrow: Index, views: Sequence[View], surface: Surface, pairs: Sequence[tuple[int, int]]
-) -> Mask:
-    """Tell which corners are nearer to the middle of their view than to that of any other, (n,)."""
-    x_m = ground_of(views[i], surface, colrow.astype(float))
-    distance = _off_middle(views[i], colrow.astype(float))
-    best = np.ones(len(colrow), dtype=bool)
-    for other in (views[a + b - i] for a, b in pairs if i in (a, b)):
-        best &= ~(_off_middle(other, pixels_of(other, x_m)) < distance)  # NaN is not nearer
-    return best
-
-
-def _off_middle(view: View, colrow: Array) -> Array:
-    """Return distances from the middle of a picture, in its diagonals."""
-    middle = np.array([view.camera.width_px - 1, view.camera.height_px - 1]) / 2
-    return np.asarray(np.linalg.norm(colrow - middle, axis=1) / view.camera.diagonal_px)
-
-
 def _shown(
     views: Sequence[View],
     surface: Surface,
@@ -404,9 +330,8 @@ def _shown(
     out = []
     for i, (view, colrow) in enumerate(zip(views, pixels, strict=True)):
         x_m = ground_of(view, surface, colrow.astype(float))
-        others = [views[a + b - i] for a, b in pairs if i in (a, b)]
         n = np.ones(len(colrow), dtype=np.intp)
-        for other in others:
+        for other in (views[a + b - i] for a, b in pairs if i in (a, b)):
             n += inside(other.camera, pixels_of(other, x_m))
         out.append(n)
     return np.concatenate(out)
@@ -416,9 +341,3 @@ def _whole_points(rays: TieRays) -> TieRays:
     """Return the rays of points that still have two."""
     _, inverse, count = np.unique(rays.point, return_inverse=True, return_counts=True)
     return rays[count[inverse] >= 2]
-
-
-def _height(views: Sequence[View], surface: Surface) -> float:
-    """Return the flying height above ground, m."""
-    z = np.median([view.T_m_c.r[0, 2] for view in views])
-    return max(float(z - np.mean(surface.z)), 1.0)

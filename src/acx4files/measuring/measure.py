@@ -2,44 +2,44 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
-import cv2
 import numpy as np
+import pandas as pd
 
 from acx4files.flight.block_from_tables import BLOCKS, BlockTables, read_block, without_points
 from acx4files.flight.reader import Flight, checked, read, table_files
 from acx4files.flight.toml_file import read_toml
-from acx4files.measuring import views
-from acx4files.measuring.levels import Matched, MeasureOptions, beyond_search, match_block
-from acx4files.measuring.orientation import GAP_DEG, R_NED_M, Coarse, oriented_by_features
+from acx4files.measuring.levels import Matched, MeasureOptions, Tell, is_within_search, match_block
+from acx4files.measuring.orientation import Coarse, oriented_by_features
 from acx4files.measuring.oriented import firm, refined
-from acx4files.measuring.pairs import FOLDER, Matching
 from acx4files.measuring.targets import Measured, Surveyed, find_surveyed
 from acx4files.measuring.views import (
     Surface,
     View,
     declared_views,
-    pixels_of_view,
+    level,
     seen_at,
     size_on_file,
 )
 from acx4files.results import whole_files
-from acx4files.results.whole_files import file_stem
 from acx4lib import expected, shown
 from acx4lib.block import Block, select_images
 from acx4lib.errors import AdjustmentError, FlightError
-from acx4lib.expected import Array, Index
+from acx4lib.expected import Array
 from acx4lib.geometry.camera import mountings
-from acx4lib.geometry.frames import rph_from_rotation
+from acx4lib.geometry.frames import Pose, rph_from_rotation
 
-Tell = Callable[[str, int, int], None]
+SETTINGS = "flight.toml"
+"""The file that is written last: it makes the folder a flight, into which no command writes."""
+
+R_NED_M = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+"""From the mapping frame to north, east, down."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,25 +53,30 @@ class Outcome:
         Tie points.
     surveyed : Surveyed
         Control and check points.
-    options : MeasureOptions
-    coarse : tuple of str
-        Sentences on the trajectory, where the pictures were oriented by features.
+    sentences : tuple of str
+        Messages for the user on pictures, tie points and surveyed points.
     """
 
     block: str
     matched: Matched
     surveyed: Surveyed
-    options: MeasureOptions
-    coarse: tuple[str, ...] = ()
+    sentences: tuple[str, ...]
 
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """Messages for the user on tie points and surveyed points."""
-        return (
-            *self.coarse,
-            *_on_ties(self.block, self.matched, self.options.reduce),
-            *_on_surveyed(self.block, self.surveyed),
-        )
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Unmeasured:
+    """A flight whose blocks may lack image points.
+
+    Attributes
+    ----------
+    flight : Flight
+        Its blocks have the measurements that are there.
+    tables : dict of str to BlockTables
+        Of every block.
+    """
+
+    flight: Flight
+    tables: dict[str, BlockTables]
 
 
 def measure_flight(
@@ -89,7 +94,7 @@ def measure_flight(
     path : str or Path
         A flight; `image_points.csv` and `control_points.csv` may be missing or empty.
     folder : str or Path
-        New or empty, or that of a call that was interrupted.
+        New or empty.
     options : MeasureOptions
     executor : Executor, optional
         Where pairs of pictures are matched; by default here.
@@ -106,171 +111,57 @@ def measure_flight(
         Where the folder must not be used.
     """
     unmeasured = read_unmeasured(path)
-    with whole_files.claim(folder, signs=[FOLDER]):
-        (Path(folder) / FOLDER).mkdir(exist_ok=True)  # by which the folder is known
-        matching = Matching(folder=Path(folder) / FOLDER, executor=executor)
-        _copied(unmeasured, Path(folder))
-        out: list[Outcome] = []
-        for name in unmeasured.flight.blocks:
-            rows = _given(unmeasured.tables[name], unmeasured.flight.apriori.image_point_px)
-            if any(unmeasured.flight.image_files[name]):
-                alike = _measured_before(unmeasured, name, out) if not rows else None
-                outcome = alike or _measured(unmeasured, name, rows, options, matching, tell)
-                rows = [*rows, *outcome.surveyed.rows]
-                names = {row.point for row in rows} | {
-                    *unmeasured.tables[name].control.text["point"]
-                }
-                rows += _tie_rows(outcome.matched, names)
-                out.append(outcome)
-            _write_points(Path(folder), name, rows)
-        _put(Path(folder) / SETTINGS, _content(unmeasured.flight.path / SETTINGS))
-        matching.forget()
-    read(folder)
-    return out
-
-
-def _measured_before(
-    unmeasured: Unmeasured, name: str, before: Sequence[Outcome]
-) -> Outcome | None:
-    """Return the outcome of an earlier block with the same pictures, trajectory and control."""
-    tables, flight = unmeasured.tables[name], unmeasured.flight
-    for outcome in before:
-        other = unmeasured.tables[outcome.block]
-        files = [
-            [path and path.name for path in flight.image_files[k]] for k in (name, outcome.block)
-        ]
-        same = (
-            tables.images.text == other.images.text,
-            tables.trajectory.text == other.trajectory.text,
-            tables.control.text == other.control.text,
-            files[0] == files[1],
-            not len(other.image_points),
-        )
-        if all(same):
-            return replace(outcome, block=name)
-    return None
-
-
-def _measured(
-    unmeasured: Unmeasured,
-    name: str,
-    given: Sequence[Measured],
-    options: MeasureOptions,
-    matching: Matching,
-    tell: Tell,
-) -> Outcome:
-    """Measure one block."""
     flight = unmeasured.flight
-    files = flight.image_files[name]
-    block = select_images(flight.block(name), np.array([path is not None for path in files]))
-    views = views_of(flight, block, [path for path in files if path is not None])
-    control = unmeasured.tables[name].control
-    surface = _ground(unmeasured, block, options)
-    matched, coarse = _matched(block, views, surface, options, matching, tell)
-    if len(control):
-        matched = _placed(coarse.block if coarse else block, matched)
-    messages = (*coarse.said, *_told(block, matched.views)) if coarse else ()
-    x_m = block.frame.from_grid(control.stack("east_m", "north_m", "height_m"))
-    surveyed = find_surveyed(matched.views, matched.surface, control.text["point"], x_m, given)
-    return Outcome(
-        block=name,
-        matched=matched,
-        surveyed=surveyed,
-        options=options,
-        coarse=messages,
-    )
+    with whole_files.claim(folder, signs=[]):
+        outcomes: dict[str, Outcome] = {}
+        points: dict[str, list[Measured]] = {}
+        for name in flight.blocks:
+            points[name] = _given(unmeasured.tables[name], flight.apriori.image_point_px)
+            if any(flight.image_files[name]):
+                twin = _measured_before(unmeasured, name, outcomes)
+                outcomes[name] = twin or _measured(
+                    unmeasured, name, points[name], options, executor, tell
+                )
+                points[name] += outcomes[name].surveyed.rows
+                taken = {row.point for row in points[name]}
+                taken |= {*unmeasured.tables[name].control.text["point"]}
+                points[name] += _tie_rows(outcomes[name].matched, taken)
+        _write(unmeasured, Path(folder), points)
+    read(folder)
+    return [*outcomes.values()]
 
 
-def _placed(block: Block, matched: Matched) -> Matched:
-    """Return a matched block, moved to fit its trajectory."""
-    try:
-        oriented = refined(firm(block), matched.views, matched.rays)
-    except AdjustmentError:
-        return matched
-    return replace(matched, views=oriented.views, surface=oriented.surface)
+def read_unmeasured(path: str | Path) -> Unmeasured:
+    """Return the flight in a folder, with the measurements that it already has.
 
+    Parameters
+    ----------
+    path : str or Path
+        Folder with a flight.toml. `image_points.csv` and `control_points.csv` may be missing.
 
-def _told(block: Block, views: Sequence[View]) -> Iterator[str]:
-    """Yield a sentence on the attitudes of every strip, or of every course where none is named."""
-    image_idx = [block.images.names.index(view.name) for view in views]
-    exposure, first = np.unique(block.images.exposure_idx[image_idx], return_index=True)
-    R_c_b = np.swapaxes(mountings(block.cameras).R, 1, 2)[block.images.camera_idx[image_idx]]
-    R_m_b = (np.array([view.T_m_c.R[0] for view in views]) @ R_c_b)[first]
-    by_pictures = np.degrees(rph_from_rotation(R_NED_M @ R_m_b))
-    by_trajectory = np.degrees(rph_from_rotation(R_NED_M @ block.trajectory.T_m_b.R[exposure]))
-    off = (by_trajectory - by_pictures + 180) % 360 - 180
-    strips = np.array(block.images.strips)[image_idx][first]
-    named = bool(np.all(strips != ""))
-    group = np.unique(strips, return_inverse=True)[1] if named else _courses(by_pictures[:, 2])
-    for k in range(int(group.max()) + 1):
-        rows = group == k
-        heading = _mean_deg(by_pictures[rows, 2])
-        name = f"strip {strips[rows][0]}, heading" if named else "heading"
-        yield (
-            f"{block.name}: {name} {heading:.0f}°, {shown.count(int(rows.sum()), 'exposure')}: "
-            "the trajectory's roll, pitch, heading are off by "
-            f"{_numbers(off[rows].mean(axis=0))}°, "
-            f"each by {_numbers(np.sqrt(np.mean(np.square(off[rows]), axis=0)), '')}° rms"
-        )
-
-
-def _courses(heading_deg: Array) -> Index:
-    """Return the number of the course of every exposure; courses are apart by `GAP_DEG`."""
-    order = np.argsort(heading_deg % 360)
-    sorted_deg = (heading_deg % 360)[order]
-    step = np.diff(sorted_deg, prepend=sorted_deg[-1] - 360) > GAP_DEG
-    number = np.cumsum(step) % max(int(step.sum()), 1)
-    out = np.zeros(len(order), dtype=np.intp)
-    out[order] = number
-    return out
-
-
-def _mean_deg(angles: Array) -> float:
-    turn = np.exp(1j * np.radians(angles)).mean()
-    return float(np.degrees(np.angle(turn)) % 360)
-
-
-def _numbers(values: Array, sign: str = "+") -> str:
-    return ", ".join(f"{value:{sign}.1f}" for value in values.tolist())
-
-
-def _matched(
-    block: Block,
-    views: Sequence[View],
-    surface: Surface | None,
-    options: MeasureOptions,
-    matching: Matching,
-    tell: Tell,
-) -> tuple[Matched, Coarse | None]:
-    """Match a block from its trajectory's orientations; where they are too coarse, by features."""
-    run = partial(match_block, options=options, matching=matching, tell=tell)
-    beyond = beyond_search(block, views, surface, options.reduce) if surface else ""
-    first: FlightError | AdjustmentError | None = None
-    if surface and not beyond:
-        try:
-            return run(block, views, surface), None
-        except (FlightError, AdjustmentError) as error:
-            first = error
-    count = partial(tell, f"{block.name} features")
-    try:
-        coarse = oriented_by_features(block, views, executor=matching.executor, tell=count)
-    except (FlightError, AdjustmentError) as error:
-        raise _joined(first, beyond if surface else _NO_HEIGHT, error) from None
-    return run(coarse.block, coarse.views, coarse.surface, skip=1), coarse
-
-
-def _joined(
-    first: FlightError | AdjustmentError | None, beyond: str, last: FlightError | AdjustmentError
-) -> FlightError | AdjustmentError:
-    """Return the error of a block that can be matched neither by its trajectory nor by features."""
-    if isinstance(first, AdjustmentError):
-        return first
-    return FlightError(
-        [*(first.problems if first else []), *([beyond] if beyond else []), str(last)]
-    )
-
-
-_NO_HEIGHT = "no control points tell the height of the ground; it may be given by --ground HEIGHT"
+    Raises
+    ------
+    FlightError
+        With all problems, one line each; also where a block has neither pictures nor
+        measurements, and where no block has pictures.
+    """
+    folder = expected.folder(path, "the folder of a flight, with a flight.toml")
+    names = [name for name in BLOCKS if (folder / name).is_dir()]
+    if not names:
+        blocks = ", ".join(f"{name}/" for name in BLOCKS)
+        raise FlightError([f"{folder}: no block to measure; a flight has {blocks}"])
+    tables = {name: without_points(read_block(folder, name, pictures=folder)) for name in names}
+    flight = checked(read_toml(folder / SETTINGS), list(tables.values()))
+    pictured = [name for name in names if any(flight.image_files[name])]
+    empty = [
+        f"{folder / name / 'images.csv'}: column file: names no picture; "
+        "give it the file of every image, relative to the block's folder"
+        for name, table in tables.items()
+        if name not in pictured and not (pictured and len(table.image_points))
+    ]
+    if empty:
+        raise FlightError(empty)
+    return Unmeasured(flight=flight, tables=tables)
 
 
 def views_of(flight: Flight, block: Block, files: Sequence[Path]) -> list[View]:
@@ -284,47 +175,129 @@ def views_of(flight: Flight, block: Block, files: Sequence[Path]) -> list[View]:
     files : sequence of Path
     """
     inside = flight.pictures.resolve()
-    shown = [flight.pictures / path.relative_to(inside) for path in files]
-    views = declared_views(block, shown)
+    named = [flight.pictures / path.relative_to(inside) for path in files]
+    views = declared_views(block, named)
     return [seen_at(view, size_on_file(view.path, view.declared)) for view in views]
 
 
-def _ground(unmeasured: Unmeasured, block: Block, options: MeasureOptions) -> Surface | None:
-    """Return a first, level ground: as given, or the mean of the surveyed points, if any."""
-    control = unmeasured.tables[block.name].control
+# --- a block ---------------------------------------------------------------------------------
+
+
+def _measured_before(
+    unmeasured: Unmeasured, name: str, before: dict[str, Outcome]
+) -> Outcome | None:
+    """Return the outcome of an earlier block with the same pictures, trajectory and control."""
+
+    def input_of(block: str) -> tuple[object, ...]:
+        tables = unmeasured.tables[block]
+        files = [path and path.name for path in unmeasured.flight.image_files[block]]
+        texts = (tables.images.text, tables.trajectory.text, tables.control.text)
+        return files, texts, len(tables.image_points)
+
+    alike = (outcome for block, outcome in before.items() if input_of(block) == input_of(name))
+    outcome = next(alike, None)
+    if outcome is None or len(unmeasured.tables[name].image_points):
+        return None
+    return replace(outcome, block=name)
+
+
+def _measured(
+    unmeasured: Unmeasured,
+    name: str,
+    given: Sequence[Measured],
+    options: MeasureOptions,
+    executor: Executor | None,
+    tell: Tell,
+) -> Outcome:
+    """Measure one block."""
+    flight = unmeasured.flight
+    files = flight.image_files[name]
+    block = select_images(flight.block(name), np.array([path is not None for path in files]))
+    views = views_of(flight, block, [path for path in files if path is not None])
+    control = unmeasured.tables[name].control
+    grid = [control.numbers[key] for key in ("east_m", "north_m", "height_m")]
+    x_m = block.frame.from_grid(np.column_stack(grid))
+    matched, coarse = _matched(block, views, _ground(block, x_m, options), options, executor, tell)
+    sentences = [*_on_trajectory(block, matched.views, coarse.apart)] if coarse else []
+    sentences += _on_ties(name, matched, options.reduce)
+    if len(control):
+        with suppress(AdjustmentError):
+            placed = refined(_held(block, coarse), matched.views, matched.rays)
+            matched = replace(matched, views=placed.views, surface=placed.surface)
+    surveyed = find_surveyed(matched.views, matched.surface, control.text["point"], x_m, given)
+    sentences += _on_surveyed(name, surveyed)
+    return Outcome(block=name, matched=matched, surveyed=surveyed, sentences=tuple(sentences))
+
+
+def _ground(block: Block, control_m: Array, options: MeasureOptions) -> Surface | None:
+    """Return a first, level ground: as given, or the median of the surveyed points, if any."""
     if options.ground_m is not None:
         below = block.frame.to_grid(np.mean(block.trajectory.T_m_b.r, axis=0)[None])
         below[0, 2] = options.ground_m
-        return views.level(float(block.frame.from_grid(below)[0, 2]))
-    if not len(control):
-        return None
-    x_m = block.frame.from_grid(control.stack("east_m", "north_m", "height_m"))
-    return views.level(float(np.median(x_m[:, 2])))
+        return level(float(block.frame.from_grid(below)[0, 2]))
+    return level(float(np.median(control_m[:, 2]))) if len(control_m) else None
 
 
-def _tie_rows(matched: Matched, taken: set[str]) -> Iterator[Measured]:
-    """Yield the measurements of tie points, under names that nothing else has."""
-    rays = matched.rays
-    names = (name for k in range(1, 10**9) if (name := f"T{k:05d}") not in taken)
-    name_of = {point: next(names) for point in dict.fromkeys(rays.point.tolist())}
-    for point, v, colrow, sigma in zip(
-        rays.point.tolist(), rays.view.tolist(), rays.colrow, rays.sigma_px, strict=True
-    ):
-        view = matched.views[v]
-        col, row = view.full(colrow[None])[0]
-        yield Measured(
-            image=view.name,
-            point=name_of[point],
-            col_px=float(col),
-            row_px=float(row),
-            sigma_px=float(sigma) * view.shrink,
+def _matched(
+    block: Block,
+    views: Sequence[View],
+    surface: Surface | None,
+    options: MeasureOptions,
+    executor: Executor | None,
+    tell: Tell,
+) -> tuple[Matched, Coarse | None]:
+    """Match a block from its trajectory's orientations; where they are too coarse, by features."""
+    run = partial(match_block, options=options, executor=executor, tell=tell)
+    if surface and is_within_search(block, views, surface, options.reduce):
+        with suppress(FlightError, AdjustmentError):
+            return run(block, views, surface), None
+    count = partial(tell, f"{block.name} features")
+    coarse = oriented_by_features(block, views, executor=executor, tell=count)
+    return run(coarse.block, coarse.views, coarse.surface, faint=True), coarse
+
+
+def _held(block: Block, coarse: Coarse | None) -> Block:
+    """Return the block held by its positions, and by its attitudes unless features gave them."""
+    if coarse is None:
+        return firm(block)
+    found, given = coarse.block.trajectory, block.trajectory
+    T_m_b = Pose(R=found.T_m_b.R, r=given.T_m_b.r)
+    held = replace(found, T_m_b=T_m_b, sigma_position=given.sigma_position)
+    return firm(replace(coarse.block, trajectory=held))
+
+
+# --- what is said ----------------------------------------------------------------------------
+
+
+def _on_trajectory(block: Block, views: Sequence[View], apart: Sequence[str]) -> Iterator[str]:
+    """Yield sentences on pictures left out and on the attitudes by strip, or else by course."""
+    if apart:
+        yield (
+            f"{block.name}: {len(apart)} pictures are not connected with the others and were "
+            f"not measured: {', '.join(apart[:5])}{' …' if len(apart) > 5 else ''}"
+        )
+    image_idx = [block.images.names.index(view.name) for view in views]
+    exposure, first = np.unique(block.images.exposure_idx[image_idx], return_index=True)
+    R_c_b = np.swapaxes(mountings(block.cameras).R, 1, 2)[block.images.camera_idx[image_idx]]
+    R_m_b = (np.array([view.T_m_c.R[0] for view in views]) @ R_c_b)[first]
+    by_pictures = np.degrees(rph_from_rotation(R_NED_M @ R_m_b))
+    by_trajectory = np.degrees(rph_from_rotation(R_NED_M @ block.trajectory.T_m_b.R[exposure]))
+    off = (by_trajectory - by_pictures + 180) % 360 - 180
+    strips = np.array(block.images.strips)[image_idx][first]
+    courses = [f"heading {heading:.0f}°" for heading in np.round(by_pictures[:, 2] / 45) * 45 % 360]
+    group = np.where(strips == "", courses, np.char.add("strip ", strips))
+    for name in np.unique(group):
+        rows = off[group == name]
+        mean = ", ".join(f"{value:+.1f}" for value in rows.mean(axis=0))
+        yield (
+            f"{block.name}: {name}, {shown.count(len(rows), 'exposure')}: the trajectory's roll, "
+            f"pitch, heading are off by {mean}° on average"
         )
 
 
 def _on_ties(name: str, matched: Matched, reduce: int) -> Iterator[str]:
     """Yield sentences on the tie points of a block."""
-    count = np.unique(matched.rays.point, return_counts=True)[1]
-    n, rays = len(count), len(matched.rays)
+    n, rays = len(np.unique(matched.rays.point)), len(matched.rays)
     yield (
         f"{name}: {n} tie points with {rays} measurements in {len(matched.views)} pictures, "
         f"{rays / max(n, 1):.1f} rays a point; {matched.n_rejected} measurements rejected"
@@ -348,229 +321,75 @@ def _on_surveyed(name: str, surveyed: Surveyed) -> Iterator[str]:
         yield f"{name}: point {point} not found in {', '.join(images[:5])}{more}"
 
 
-# --- Small pictures with the measured points on them, to be looked at
-
-
-SIDE_PX = 1400
-"""Longer side of the pictures, at most."""
-
-COLOURS = ((2, (31, 138, 229)), (4, (120, 154, 29)), (10**9, (160, 88, 33)))
-"""Largest number of rays, and the colour of such a point: blue, green, red."""
-
-SURVEYED = (48, 70, 191)
-
-
-def write_pictures(outcomes: Sequence[Outcome], folder: Path) -> None:
-    """Write a JPEG for every picture that was measured.
-
-    Tie points are dots, orange with two rays, green with three or four, blue with more; surveyed
-    points are squares.
-
-    Parameters
-    ----------
-    outcomes : sequence of Outcome
-    folder : Path
-        Each block gets a folder in it.
-    """
-    for outcome in outcomes:
-        (folder / outcome.block).mkdir(parents=True)
-        rays = outcome.matched.rays
-        count = np.bincount(rays.point)[rays.point] if len(rays) else np.zeros(0)
-        for k, view in enumerate(outcome.matched.views):
-            in_view = rays.view == k
-            surveyed = [
-                (row.col_px, row.row_px) for row in outcome.surveyed.rows if row.image == view.name
-            ]
-            drawn = _drawn(
-                view, rays.colrow[in_view], count[in_view], np.array(surveyed).reshape(-1, 2)
-            )
-            _, coded = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, 85])
-            place = folder / outcome.block / f"{file_stem(view.name)}.jpg"
-            whole_files.write(place, coded.tobytes())
-
-
-def _drawn(view: View, ties: Array, count: Array, surveyed: Array) -> np.ndarray:
-    """Return a picture with its points, (rows, cols, 3), 8 bit."""
-    image = pixels_of_view(view)
-    k = max(-(-max(image.shape[:2]) // SIDE_PX), 1)
-    grey = image[::k, ::k].mean(axis=2, dtype=np.float32)
-    low, high = np.percentile(grey, (1, 99))
-    bright = np.clip((grey - low) / max(float(high - low), 1.0) * 255, 0, 255).astype(np.uint8)
-    out = np.ascontiguousarray(np.repeat(bright[:, :, None], 3, axis=2))
-    for place, n in zip(ties / k, count, strict=True):
-        colour = next(colour for most, colour in COLOURS if n <= most)
-        cv2.circle(out, _whole(place), 4, colour, -1, cv2.LINE_AA)
-    for place in view.own(surveyed) / k:
-        corner = np.array([7, 7])
-        cv2.rectangle(out, _whole(place - corner), _whole(place + corner), SURVEYED, 2)
-    return out
-
-
-def _whole(place: Array) -> tuple[int, int]:
-    col, row = np.rint(place).astype(int).tolist()
-    return col, row
-
-
-# --- A flight whose image points are not measured yet, read, and written with them
-
-
-SETTINGS = "flight.toml"
-"""The file that is written last: it makes the folder a flight, into which no command writes."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Unmeasured:
-    """A flight whose blocks may lack image points.
-
-    Attributes
-    ----------
-    flight : Flight
-        Its blocks have the measurements that are there.
-    tables : dict of str to BlockTables
-        Of every block.
-    """
-
-    flight: Flight
-    tables: dict[str, BlockTables]
-
-
-def read_unmeasured(path: str | Path) -> Unmeasured:
-    """Return the flight in a folder, with the measurements that it already has.
-
-    Parameters
-    ----------
-    path : str or Path
-        Folder with a flight.toml. `image_points.csv` and `control_points.csv` may be missing.
-
-    Raises
-    ------
-    FlightError
-        With all problems, one line each; also where a block has neither pictures nor
-        measurements, and where no block has pictures.
-    """
-    folder = expected.folder(path, "the folder of a flight, with a flight.toml")
-    names = [name for name in BLOCKS if (folder / name).is_dir()]
-    if not names:
-        problem = (
-            f"{folder}: no block to measure; a flight has {', '.join(f'{n}/' for n in BLOCKS)}"
-        )
-        raise FlightError([problem])
-    toml = read_toml(folder / "flight.toml")
-    tables = {name: without_points(read_block(folder, name, pictures=folder)) for name in names}
-    flight = checked(toml, list(tables.values()))
-    pictured = [name for name in names if any(flight.image_files[name])]
-    empty = [
-        f"{folder / name / 'images.csv'}: column file: names no picture; "
-        "give it the file of every image, relative to the block's folder"
-        for name, table in tables.items()
-        if name not in pictured and not (pictured and len(table.image_points))
-    ]
-    if empty:
-        raise FlightError(empty)
-    return Unmeasured(flight=flight, tables=tables)
-
-
 # --- the measured flight ---------------------------------------------------------------------
-
-
-def _copied(unmeasured: Unmeasured, folder: Path) -> None:
-    """Copy a flight's tables and pictures; image points and settings follow later.
-
-    Pictures are linked where the file system can, so that they take no more space. Images without
-    a picture and without measurements are left out.
-
-    Parameters
-    ----------
-    unmeasured : Unmeasured
-    folder : Path
-        Of the measured flight.
-    """
-    flight = unmeasured.flight
-    names = [name.as_posix() for name in table_files(flight)]
-    pictures = dict(_pictures(flight))
-    own_control = (f"{block}/control_points.csv" in names for block in flight.blocks)
-    has_control = "control_points.csv" in names or all(own_control)
-    missing = [] if has_control else ["control_points.csv"]
-    made = {
-        f"{block}/images.csv": _used_images(unmeasured, block, tables)
-        for block, tables in unmeasured.tables.items()
-    } | dict.fromkeys(missing, b"point,east_m,north_m,height_m\n")
-    for name in names:
-        if name != SETTINGS and name not in made:
-            _put(folder / name, _content(flight.path / name))
-    for name, content in made.items():
-        _put(folder / name, content)
-    for name, source in pictures.items():
-        target = folder / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        if not target.exists():
-            whole_files.link(source, target)
-
-
-def _used_images(unmeasured: Unmeasured, block: str, tables: BlockTables) -> bytes:
-    """Return images.csv of a block with the images that have a picture or measurements."""
-    files = unmeasured.flight.image_files[block]
-    used = {*tables.image_points.text["image"]}
-    used |= {n for n, path in zip(tables.images.text["image"], files, strict=True) if path}
-    source = (unmeasured.flight.path / block / "images.csv").read_text("utf-8-sig")
-    rows = list(csv.reader(io.StringIO(source, newline="")))
-    column = [name.strip() for name in rows[0]].index("image")
-    kept = [rows[0], *(row for row in rows[1:] if row and row[column].strip() in used)]
-    return _csv(kept)
-
-
-def _csv(rows: Sequence[Sequence[str]]) -> bytes:
-    text = io.StringIO(newline="")
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue().encode()
-
-
-def _pictures(flight: Flight) -> Iterator[tuple[str, Path]]:
-    """Yield the files of the flight's pictures, by their place below its folder."""
-    for block, files in flight.image_files.items():
-        names = _names_of(flight, block)
-        for name, path in zip(names, files, strict=True):
-            if path is not None and name:
-                yield (PurePosixPath(block) / name).as_posix(), path
-
-
-def _names_of(flight: Flight, block: str) -> Sequence[str]:
-    """Return the cells of the column ``file`` of a block, empty where there is none."""
-    inside = flight.pictures.resolve() / block
-    return [
-        "" if path is None else path.relative_to(inside).as_posix()
-        for path in flight.image_files[block]
-    ]
-
-
-def _write_points(folder: Path, block: str, rows: Sequence[Measured]) -> None:
-    """Write the image points of a block."""
-    name = f"{block}/image_points.csv"
-    header = ["image", "point", "col_px", "row_px", "sigma_px"]
-    numbers = ([row.col_px, row.row_px, row.sigma_px] for row in rows)
-    places = ([f"{number:.4f}" for number in three] for three in numbers)
-    lines = ([row.image, row.point, *place] for row, place in zip(rows, places, strict=True))
-    _put(folder / name, _csv([header, *lines]))
-
-
-def _content(path: Path) -> bytes:
-    with path.open("rb") as file:
-        return file.read()
-
-
-def _put(path: Path, content: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    whole_files.write(path, content)
 
 
 def _given(tables: BlockTables, sigma_px: float) -> list[Measured]:
     """Return the measurements that a block has already."""
     table = tables.image_points
     sigma = table.numbers.get("sigma_px", np.full(len(table), sigma_px))
-    columns: Mapping[str, Sequence[str]] = table.text
-    places = zip(table.numbers["col_px"], table.numbers["row_px"], sigma, strict=True)
-    names = zip(columns["image"], columns["point"], strict=True)
+    columns = (*(table.text[name] for name in ("image", "point")), table.numbers["col_px"])
+    rows = zip(*columns, table.numbers["row_px"], sigma, strict=True)
     return [
         Measured(image=image, point=point, col_px=float(c), row_px=float(r), sigma_px=float(s))
-        for (image, point), (c, r, s) in zip(names, places, strict=True)
+        for image, point, c, r, s in rows
     ]
+
+
+def _tie_rows(matched: Matched, taken: set[str]) -> Iterator[Measured]:
+    """Yield the measurements of tie points, under names that nothing else has."""
+    rays = matched.rays
+    names = (name for k in range(1, 10**9) if (name := f"T{k:05d}") not in taken)
+    name_of = {point: next(names) for point in dict.fromkeys(rays.point.tolist())}
+    for point, v, colrow, sigma in zip(
+        rays.point.tolist(), rays.view.tolist(), rays.colrow, rays.sigma_px, strict=True
+    ):
+        view = matched.views[v]
+        col, row = view.full(colrow[None])[0]
+        yield Measured(
+            image=view.name,
+            point=name_of[point],
+            col_px=float(col),
+            row_px=float(row),
+            sigma_px=float(sigma) * view.shrink,
+        )
+
+
+def _write(unmeasured: Unmeasured, folder: Path, points: dict[str, list[Measured]]) -> None:
+    """Write a measured flight: its tables, its pictures, which are linked, and its settings last.
+
+    Images without a picture and without measurements are left out.
+    """
+    flight = unmeasured.flight
+    names = [name.as_posix() for name in table_files(flight)]
+    contents = {name: (flight.path / name).read_bytes() for name in names if name != SETTINGS}
+    own_control = [f"{block}/control_points.csv" in names for block in flight.blocks]
+    if "control_points.csv" not in names and not all(own_control):
+        contents["control_points.csv"] = b"point,east_m,north_m,height_m\n"
+    inside = flight.pictures.resolve()
+    for block, rows in points.items():
+        files = flight.image_files[block]
+        table = pd.DataFrame([vars(row) for row in rows], columns=[*Measured.__annotations__])
+        contents[f"{block}/image_points.csv"] = _csv(table, float_format="%.4f")
+        images = pd.read_csv(
+            flight.path / block / "images.csv",
+            dtype=str,
+            keep_default_na=False,
+            encoding="utf-8-sig",
+        )
+        named = [name.strip() for name in images.columns].index("image")
+        used = images.iloc[:, named].str.strip().isin(table["image"])
+        pictured = [path is not None for path in files]
+        contents[f"{block}/images.csv"] = _csv(images[used | np.array(pictured)])
+        for path in filter(None, files):
+            target = folder / path.relative_to(inside)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            whole_files.link(path, target)
+    for name, content in contents.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        whole_files.write(folder / name, content)
+    whole_files.copy(flight.path / SETTINGS, folder / SETTINGS)
+
+
+def _csv(table: pd.DataFrame, float_format: str | None = None) -> bytes:
+    return table.to_csv(index=False, float_format=float_format, lineterminator="\n").encode()

@@ -7,10 +7,9 @@ is told by strip and by heading.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -20,7 +19,15 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, mini
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
-from acx4files.measuring.oriented import WANTED, TieRays, approximate, chosen, refined
+from acx4files.measuring.oriented import (
+    LOOSE_ATTITUDE,
+    WANTED,
+    TieRays,
+    approximate,
+    chosen,
+    refined,
+)
+from acx4files.measuring.pairs import Count, each
 from acx4files.measuring.views import Surface, View, pixels_of_view, seen_at, through
 from acx4lib.block import Block, select_images
 from acx4lib.errors import FlightError
@@ -100,12 +107,10 @@ def _features_of(view: View) -> _Features:
     sift = cv2.SIFT.create(nfeatures=MOST, contrastThreshold=_CONTRAST)
     points, descriptors = sift.detectAndCompute(even, None)
     colrow = np.array([point.pt for point in points], dtype=float).reshape(-1, 2)
-    total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1) if len(points) else 1.0
-    descriptor = (
-        np.zeros((0, 128))
-        if descriptors is None
-        else np.rint(_LENGTH * np.sqrt(descriptors / total))
-    )
+    if descriptors is None:
+        descriptors = np.zeros((0, 128))
+    total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1)
+    descriptor = np.rint(_LENGTH * np.sqrt(descriptors / total))
     camera = view.camera
     ideal = correct(camera.interior, xy_from_colrow(camera, colrow)) / camera.interior.f
     return _Features(
@@ -124,28 +129,28 @@ def _eight_bit(view: View) -> np.ndarray:
     return np.asarray(np.clip(bright, 0, 255).astype(np.uint8))
 
 
-def _two_views(a: _Features, b: _Features, down: Array, fall: float) -> _TwoViews | None:
-    """Return the relative orientation of two pictures; None where too few features agree."""
+def _two_views(pair: tuple[_Features, _Features, Array, float]) -> _TwoViews | None:
+    """Return the relative orientation of two pictures; None where too few features agree.
+
+    Beside their features are given the direction of down in the first, and how much the second is
+    lower, in bases: of several orientations that fit, flat ground has two, these exclude some.
+    """
+    a, b, down, fall = pair
     i, j = _similar(a, b)
     if len(i) < LEAST:
         return None
     within = max(a.near, b.near)
     rays = _rays(a.ideal[i]), _rays(b.ideal[j])
-    starts = [*_over_a_plane(a.ideal[i], b.ideal[j], within, down)]
-    starts += _over_any_ground(a.ideal[i], b.ideal[j], within)
-    grown = [_grown(*start, *rays, within) for start in starts]
-    plausible = [
-        relative for relative in grown if abs(float(relative.base_a @ down) - fall) < _STEEP
+    starts = [
+        *_over_a_plane(a.ideal[i], b.ideal[j], within, down),
+        *_over_any_ground(a.ideal[i], b.ideal[j], within),
     ]
-    best = max(plausible, key=lambda relative: int(relative.agree.sum()), default=None)
-    if best is None or best.agree.sum() < LEAST:
+    grown = [_grown(*start, *rays, within) for start in starts]
+    plausible = [two for two in grown if abs(float(two.base_a @ down) - fall) < _STEEP]
+    best = max(plausible, key=lambda two: len(two.which), default=None)
+    if best is None or len(best.which) < LEAST:
         return None
-    return _TwoViews(
-        which=np.column_stack([i, j])[best.agree],
-        R_a_b=best.R_a_b,
-        base_a=best.base_a,
-        depth=float(np.median(best.depth[best.agree])),
-    )
+    return replace(best, which=np.column_stack([i, j])[best.which])
 
 
 def _over_a_plane(
@@ -179,20 +184,13 @@ def _in_own_axes(R_b_a: np.ndarray, t_b_a: np.ndarray) -> tuple[Array, Array]:
     return R_C_CV @ R_b_a.T @ R_C_CV, base / max(float(np.linalg.norm(base)), _SHORT)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Grown:
-    """A relative orientation, the depths of all pairs by it, and which pairs agree with it."""
-
-    R_a_b: Array
-    base_a: Array
-    depth: Array
-    agree: Mask
-
-
 def _grown(
     R_a_b: Array, base_a: Array, near: Mask, ray_a: Array, ray_b: Array, within: float
-) -> _Grown:
-    """Return the relative orientation refined from a start, over ground of about one height."""
+) -> _TwoViews:
+    """Return the orientation refined from a start, over ground of about one height.
+
+    `which` numbers the pairs of rays that agree with it.
+    """
     for factor in _SHRINKING:
         if near.sum() >= _LEAST_START:
             R_a_b, base_a = _fitted(R_a_b, base_a, ray_a[near], ray_b[near])
@@ -201,7 +199,7 @@ def _grown(
         ahead = depth[off & (depth > 0)]
         usual = float(np.median(ahead)) if len(ahead) else np.nan
         near = off & (depth > usual / _RELIEF) & (depth < usual * _RELIEF)
-    return _Grown(R_a_b=R_a_b, base_a=base_a, depth=depth, agree=near)
+    return _TwoViews(which=np.flatnonzero(near), R_a_b=R_a_b, base_a=base_a, depth=usual)
 
 
 def _rays(ideal: Array) -> Array:
@@ -258,9 +256,8 @@ def _similar(a: _Features, b: _Features) -> tuple[Index, Index]:
 # --- A block oriented by its pictures alone: coarse, but without a prediction of what they show
 #
 # Features of pictures near each other give how pairs lie to each other; these give the rotations
-# of all, the positions turn and scale the whole, and tracks of features adjusted by the bundle
-# make it good to a pixel. Attitudes of the trajectory only say where down is, to twenty degrees or
-# so.
+# of all, the positions scale and turn the whole, and tracks of features adjusted by the bundle
+# make it good to a pixel. Attitudes of the trajectory say where down is, to some degrees.
 
 
 SIDE_PX = 1400
@@ -272,15 +269,18 @@ NEIGHBOURS = 8
 LARGEST_TURN = np.radians(6.0)
 """Largest angle between the rotation of a pair of pictures and that by the rotations of all."""
 
-POSITION, SIGMA_PX = 0.03, 0.5
-"""Least standard deviation of positions, in distances to the ground; that of features, px."""
+POSITION, TURN, SIGMA_PX = 0.03, np.radians(5.0), 0.5
+"""Least standard deviation of positions, in distances to the ground; that of all attitudes
+together, whose errors, of a mount or a magnetometer, are common to them; that of features, px."""
 
 APART = 0.015
 """Least distance of features that are adjusted, in longer sides of a picture."""
 
-Tell = Callable[[int, int], None]
+_ROUNDS, _NEAR = 30, np.radians(0.5)
+_ENOUGH = 0.2  # of the points have three rays
 
-Value = TypeVar("Value")
+Links = Mapping[tuple[int, int], _TwoViews]
+"""Numbers of two views, and their relative orientation."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -294,36 +294,18 @@ class Coarse:
     views : tuple of View
         Of these, at the size of their files.
     surface : Surface
-    apart : tuple of tuple of str
-        Names of the images of every part that is not connected with them.
+    apart : tuple of str
+        Names of the images that are not connected with them.
     """
 
     block: Block
     views: tuple[View, ...]
     surface: Surface
-    apart: tuple[tuple[str, ...], ...] = ()
-
-    @property
-    def said(self) -> tuple[str, ...]:
-        """Messages for the user on pictures that are not connected."""
-        return tuple(
-            f"{self.block.name}: {len(names)} pictures are not connected with the others and were "
-            f"not measured: {', '.join(names[:5])}{' …' if len(names) > 5 else ''}"
-            for names in self.apart
-        )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Link:
-    """Two views connected by features, and their relative orientation."""
-
-    i: int
-    j: int
-    by: _TwoViews
+    apart: tuple[str, ...]
 
 
 def oriented_by_features(
-    block: Block, views: Sequence[View], *, executor: Executor | None, tell: Tell
+    block: Block, views: Sequence[View], *, executor: Executor | None, tell: Count
 ) -> Coarse:
     """Orient the largest part of a block by features.
 
@@ -336,7 +318,7 @@ def oriented_by_features(
         any angle if strips are not all parallel.
     executor : Executor or None
     tell : callable
-        Called with the finished steps, and all.
+        Called with the finished steps of a camera, and all.
 
     Raises
     ------
@@ -345,42 +327,41 @@ def oriented_by_features(
     AdjustmentError
         Where the features cannot be adjusted.
     """
-    if len({*block.images.exposure_idx.tolist()}) < 2:
+    exposure = block.images.exposure_idx
+    if len(np.unique(exposure)) < 2:
         says = f"block {block.name}: all pictures are of one exposure, whose rays meet nowhere"
         raise FlightError([f"{says}; acx4 run turns heads by their pictures alone"])
     small = [seen_at(view, _shrink(view)) for view in views]
-    features, links = _connected(block, small, executor, tell)
-    part = _parts(block, links)
-    sizes = np.bincount(part[block.images.exposure_idx])
-    if not links:
+    features, found = _connected(block, small, executor, tell)
+    if not found:
         says = f"block {block.name}: no two pictures have enough features in common"
         raise FlightError([f"{says}; are the files those of these images, and do they overlap?"])
-    largest = part == int(np.argmax(sizes))
-    exposure = block.images.exposure_idx
-    links = _likely([link for link in links if largest[exposure[link.i]]], views)
-    R_m_b, links = _rotations(block, links, largest)
-    turned = _with_poses(block, Pose(R=R_m_b, r=block.trajectory.T_m_b.r))
-    T_m_c = turned.T_m_b_images @ mountings(block.cameras)[block.images.camera_idx]
+    part = _parts(block, found)
+    largest = part == np.argmax(np.bincount(part))
+    distance = {
+        (i, j): by.depth * float(np.linalg.norm(views[j].T_m_c.r[0] - views[i].T_m_c.r[0]))
+        for (i, j), by in found.items()
+        if largest[exposure[i]]
+    }
+    height = float(np.median([*distance.values()]))  # from the cameras to the ground, m
+    links = {pair: found[pair] for pair, z in distance.items() if height / 3 <= z <= 3 * height}
+    begun, links = _turned(block, links, largest, height)
+    T_m_c = begun.T_m_b_images @ mountings(block.cameras)[block.images.camera_idx]
     kept = np.flatnonzero(largest[exposure]).tolist()
     kept_views = [replace(small[k], T_m_c=T_m_c[k : k + 1]) for k in kept]
     every = _tracks(features, links)
     rays = replace(every, view=np.searchsorted(kept, every.view))
     apart_px = APART * max(small[0].camera.width_px, small[0].camera.height_px)
     rays = chosen(rays, np.full(len(rays), 2), apart_px=apart_px)
-    of_part = select_images(turned, largest[exposure])
-    adjusted, moved, surface = _adjusted(of_part, kept_views, rays, _height(links, views))
+    adjusted, moved, surface = _adjusted(
+        select_images(begun, largest[exposure]), kept_views, rays, height
+    )
     return Coarse(
         block=adjusted,
         views=tuple(seen_at(view, views[k].shrink) for view, k in zip(moved, kept, strict=True)),
         surface=surface,
-        apart=tuple(
-            _names(block, part == k) for k in np.unique(part[exposure[~largest[exposure]]])
-        ),
+        apart=tuple(np.array(block.images.names)[~largest[exposure]].tolist()),
     )
-
-
-def _names(block: Block, exposures: Mask) -> tuple[str, ...]:
-    return tuple(np.array(block.images.names)[exposures[block.images.exposure_idx]].tolist())
 
 
 def _shrink(view: View) -> int:
@@ -389,26 +370,22 @@ def _shrink(view: View) -> int:
     return view.shrink * max(int(np.ceil(side / SIDE_PX)), 1)
 
 
-# --- pairs -----------------------------------------------------------------------------------
-
-
 def _connected(
-    block: Block, views: Sequence[View], executor: Executor | None, tell: Tell
-) -> tuple[dict[int, _Features], list[_Link]]:
+    block: Block, views: Sequence[View], executor: Executor | None, tell: Count
+) -> tuple[dict[int, _Features], dict[tuple[int, int], _TwoViews]]:
     """Return features and links; further cameras are tried only while several parts are left."""
     camera = block.images.camera_idx
     features: dict[int, _Features] = {}
-    links: list[_Link] = []
+    links: dict[tuple[int, int], _TwoViews] = {}
     for k in np.argsort(-np.bincount(camera), kind="stable").tolist():
         of_camera = np.flatnonzero(camera == k).tolist()
+        own = each(_features_of, [views[i] for i in of_camera], executor, tell)
+        features |= dict(zip(of_camera, own, strict=True))
         pairs = _near(views, of_camera)
-        n = len(of_camera) + len(pairs)
-        computed = _each(executor, _features_of, [(views[i],) for i in of_camera], (0, n), tell)
-        features |= dict(zip(of_camera, computed, strict=True))
         jobs = [(features[i], features[j], *_about(views[i], views[j])) for i, j in pairs]
-        relative = _each(executor, _two_views, jobs, (len(of_camera), n), tell)
-        links += [_Link(i=i, j=j, by=by) for (i, j), by in zip(pairs, relative, strict=True) if by]
-        if len(set(_parts(block, links)[block.images.exposure_idx].tolist())) == 1:
+        found = each(_two_views, jobs, executor, tell)
+        links |= {pair: by for pair, by in zip(pairs, found, strict=True) if by}
+        if len(np.unique(_parts(block, links)[block.images.exposure_idx])) == 1:
             break
     return features, links
 
@@ -416,8 +393,7 @@ def _connected(
 def _near(views: Sequence[View], of_camera: Sequence[int]) -> list[tuple[int, int]]:
     """Return the pairs of views in which one is among the nearest neighbours of the other."""
     r = np.array([views[i].T_m_c.r[0] for i in of_camera])
-    tree = cKDTree(r)
-    _, near = tree.query(r, k=range(1, min(NEIGHBOURS + 1, len(of_camera)) + 1))
+    _, near = cKDTree(r).query(r, k=range(1, min(NEIGHBOURS + 1, len(of_camera)) + 1))
     ends = ((a, b) for a, row in enumerate(np.asarray(near).tolist()) for b in row if a != b)
     return sorted({(of_camera[min(pair)], of_camera[max(pair)]) for pair in ends})
 
@@ -426,100 +402,86 @@ def _about(a: View, b: View) -> tuple[Array, float]:
     """Return the direction of down in a view, and how much another one is lower, in bases."""
     base = b.T_m_c.r[0] - a.T_m_c.r[0]
     down = np.array([0.0, 0.0, -1.0])
-    return down @ a.T_m_c.R[0], float(base @ down / max(np.linalg.norm(base), 1e-9))
+    return down @ a.T_m_c.R[0], float(base @ down / max(np.linalg.norm(base), _SHORT))
 
 
-def _each(
-    executor: Executor | None,
-    function: Callable[..., Value],
-    jobs: Sequence[tuple[object, ...]],
-    progress: tuple[int, int],
-    tell: Tell,
-) -> list[Value]:
-    """Return a function's values of all jobs, here or in an executor."""
-    done, total = progress
-    out: list[Value] = []
-    calls = [executor.submit(function, *job) for job in jobs] if executor else []
-    for n, job in enumerate(jobs):
-        out.append(calls[n].result() if executor else function(*job))
-        tell(done + n + 1, total)
-    return out
-
-
-def _parts(block: Block, links: Sequence[_Link]) -> Index:
+def _parts(block: Block, links: Links) -> Index:
     """Return the number of the part of every exposure."""
-    exposure = block.images.exposure_idx
-    n = len(block.trajectory)
-    i, j = (
-        np.array([exposure[getattr(link, end)] for link in links], dtype=np.intp) for end in "ij"
-    )
-    joins = coo_array((np.ones(len(i)), (i, j)), (n, n))
+    n, ends = len(block.trajectory), _ends(block, links)
+    joins = coo_array((np.ones(len(links)), ends), (n, n))
     return np.asarray(connected_components(joins, directed=False)[1])
 
 
-def _likely(links: Sequence[_Link], views: Sequence[View]) -> list[_Link]:
-    """Return the links whose distance to the ground is about that of the others."""
-    depth = np.array([link.by.depth * _base(link, views) for link in links])
-    usual = np.median(depth)
-    return [link for link, z in zip(links, depth, strict=True) if usual / 3 < z < 3 * usual]
-
-
-def _base(link: _Link, views: Sequence[View]) -> float:
-    return float(np.linalg.norm(views[link.j].T_m_c.r[0] - views[link.i].T_m_c.r[0]))
-
-
-def _height(links: Sequence[_Link], views: Sequence[View]) -> float:
-    """Return the usual distance from the cameras to the ground, m."""
-    return float(np.median([link.by.depth * _base(link, views) for link in links]))
+def _ends(block: Block, links: Links) -> tuple[Index, Index]:
+    """Return the exposures of both views of every link."""
+    i, j = block.images.exposure_idx[np.array([*links], np.intp).reshape(-1, 2)].T
+    return i, j
 
 
 # --- rotations -------------------------------------------------------------------------------
 
 
-def _rotations(block: Block, links: Sequence[_Link], in_part: Mask) -> tuple[Array, list[_Link]]:
-    """Return the rotations of all exposures, and the links that agree with them.
+def _turned(
+    block: Block, links: Links, in_part: Mask, height: float
+) -> tuple[Block, dict[tuple[int, int], _TwoViews]]:
+    """Return a block with rotations from links, and the links that agree with them.
 
-    Those outside `in_part` keep theirs.
+    Exposures outside `in_part` keep theirs. Standard deviations of the trajectory become those
+    that its positions and the rotations have as approximate values.
 
     Notes
     -----
-    Averaged along the links [1]_, then turned as a whole so that bases lie as the positions do.
+    Averaged along the links [1]_, then turned as a whole: bases as the positions lie, cameras as
+    the attitudes are, each with its weight. A short strip is turned by positions of some metres no
+    better than by attitudes, and about its own direction by attitudes alone.
 
     References
     ----------
     .. [1] V. M. Govindu, "Combining two-view constraints for motion estimation", CVPR 2001.
     """
-    R_b_c = mountings(block.cameras).R
-    exposure, camera = block.images.exposure_idx, block.images.camera_idx
-    i, j = (np.array([exposure[getattr(link, end)] for link in links]) for end in "ij")
-    ends = [(R_b_c[camera[link.i]], R_b_c[camera[link.j]], link.by) for link in links]
-    R_i_j = np.array([a @ by.R_a_b @ b.T for a, b, by in ends])
-    weight = np.array([float(len(by.which)) for _, _, by in ends])
-    R = _averaged(_spread(block.trajectory.T_m_b.R, R_i_j, i, j, weight), R_i_j, i, j, weight)
-    apart = np.linalg.norm(log(_apart(R, R_i_j, i, j)), axis=1)
-    good = np.flatnonzero(apart < LARGEST_TURN)
-    base_b = np.array([a @ by.base_a for a, _, by in ends])
-    T_m_b = block.trajectory.T_m_b
-    bases = np.sqrt(weight)[:, None] * (T_m_b.r[j] - T_m_b.r[i])
-    link_bases = transform(R[i], base_b) * np.linalg.norm(bases, axis=1, keepdims=True)
-    G = _turn_of_all(bases[good], link_bases[good], T_m_b.R[in_part], R[in_part])
-    return np.where(in_part[:, None, None], G @ R, T_m_b.R), [links[k] for k in good.tolist()]
+    i, j = _ends(block, links)
+    R_b_c = mountings(block.cameras).R[block.images.camera_idx]
+    R_i_j = np.array([R_b_c[a] @ by.R_a_b @ R_b_c[b].T for (a, b), by in links.items()])
+    weight = np.array([float(len(by.which)) for by in links.values()])
+    trajectory = block.trajectory
+    T_m_b = trajectory.T_m_b
+    R = _averaged(_spread(T_m_b.R, R_i_j, i, j, weight), R_i_j, i, j, weight)
+    good = np.linalg.norm(log(_apart(R, R_i_j, i, j)), axis=1) < LARGEST_TURN
+
+    sigma_m = np.fmax(trajectory.sigma_position, POSITION * height)
+    sigma_m = np.where(np.isfinite(sigma_m), sigma_m, height)
+    base_m = T_m_b.r[j] - T_m_b.r[i]
+    base_b = np.array([R_b_c[a] @ by.base_a for (a, _), by in links.items()])
+    by_links = transform(R[i], base_b) * np.linalg.norm(base_m, axis=1, keepdims=True)
+    share = weight * good / np.sum(weight * good) * (len(np.unique([i, j])) - 1)
+    M = (base_m * share[:, None] / np.mean(sigma_m**2)).T @ by_links
+    M += np.mean(T_m_b.R[in_part] @ np.swapaxes(R[in_part], 1, 2), axis=0) / TURN**2
+    U, _, Vt = np.linalg.svd(M)
+    G = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+
+    turned = replace(
+        trajectory,
+        T_m_b=Pose(R=np.where(in_part[:, None, None], G @ R, T_m_b.R), r=T_m_b.r),
+        sigma_position=sigma_m,
+        sigma_attitude=np.full((len(R), 3), LOOSE_ATTITUDE),
+    )
+    agree = {pair: by for (pair, by), keep in zip(links.items(), good, strict=True) if keep}
+    return replace(block, trajectory=turned), agree
 
 
 def _spread(R: Array, R_i_j: Array, i: Index, j: Index, weight: Array) -> Array:
     """Return rotations chained along the surest links from one exposure to all."""
     n = len(R)
-    best: dict[tuple[int, int], int] = {}
-    for k in np.argsort(weight).tolist():
-        best[min(i[k], j[k]), max(i[k], j[k])] = k
-    pairs = np.array(list(best))
-    cost = 1 / weight[list(best.values())]
-    tree = minimum_spanning_tree(coo_array((cost, (pairs[:, 0], pairs[:, 1])), (n, n)).tocsr())
-    order, before = breadth_first_order(tree, int(i[np.argmax(weight)]), directed=False)
+    of_pair = {(min(a, b), max(a, b)): k for k, (a, b) in enumerate(zip(i, j, strict=True))}
+    surest = np.argsort(weight)
+    of_pair |= {(min(i[k], j[k]), max(i[k], j[k])): k for k in surest.tolist()}
+    pairs, cost = np.array([*of_pair]), 1 / weight[[*of_pair.values()]]
+    tree = minimum_spanning_tree(coo_array((cost, pairs.T), (n, n)).tocsr())
+    order, before = breadth_first_order(tree, int(i[surest[-1]]), directed=False)
     out = R.copy()
     for e in order[1:].tolist():
         p = int(before[e])
-        k = best[min(p, e), max(p, e)]
+        k = of_pair[min(p, e), max(p, e)]
         out[e] = out[p] @ (R_i_j[k] if i[k] == p else R_i_j[k].T)
     return out
 
@@ -538,64 +500,36 @@ def _averaged(R: Array, R_i_j: Array, i: Index, j: Index, weight: Array) -> Arra
         off = log(_apart(R, R_i_j, i, j))
         w = weight / np.maximum(np.linalg.norm(off, axis=1), _NEAR)
         N = (A.T * w) @ A + eye_array(n) * (1e-9 * w.sum())
-        step = spsolve(N.tocsc(), (A.T * w) @ off)
-        R = exp(step) @ R
+        R = exp(spsolve(N.tocsc(), (A.T * w) @ off)) @ R
     return R
 
 
-def _turn_of_all(bases: Array, link_bases: Array, R_m_b: Array, R: Array) -> Array:
-    """Return the rotation that turns the bases from links onto the bases from positions.
-
-    Attitudes of the trajectory count little, for what parallel bases leave open.
-    """
-    M = bases.T @ link_bases / np.sum(np.square(bases))
-    M += _LITTLE * np.mean(R_m_b @ np.swapaxes(R, 1, 2), axis=0)
-    U, _, Vt = np.linalg.svd(M)
-    return U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
-
-
-_ROUNDS, _NEAR, _LITTLE = 30, np.radians(0.5), 0.02
-
-
 # --- adjusted --------------------------------------------------------------------------------
-
-
-def _with_poses(block: Block, T_m_b: Pose) -> Block:
-    return replace(block, trajectory=replace(block.trajectory, T_m_b=T_m_b))
 
 
 def _adjusted(
     block: Block, views: Sequence[View], rays: TieRays, height: float
 ) -> tuple[Block, tuple[View, ...], Surface]:
     """Return a block adjusted by its features: the poses found, its views, and the ground."""
-    trajectory = block.trajectory
-    loose = np.maximum(trajectory.sigma_position, POSITION * height)
-    begun = replace(block, trajectory=replace(trajectory, sigma_position=loose))
-    oriented = refined(approximate(begun, height), views, rays)
-    R, r = trajectory.T_m_b.R.copy(), trajectory.T_m_b.r.copy()
-    T_c_b = mountings(block.cameras).inverse[block.images.camera_idx]
-    for k, view in reversed([*enumerate(oriented.views)]):  # the first one of an exposure decides
-        T_m_b = view.T_m_c @ T_c_b[k : k + 1]
-        R[block.images.exposure_idx[k]], r[block.images.exposure_idx[k]] = T_m_b.R[0], T_m_b.r[0]
-    x_m = oriented.bundle.state.x_m
+    oriented = refined(approximate(block, height), views, rays)
+    bundle, x_m = oriented.bundle, oriented.bundle.state.x_m
     n_rays = np.bincount(
         np.unique(rays.point, return_inverse=True)[1][oriented.kept], None, len(x_m)
     )
     checked = np.isfinite(x_m[:, 0]) & (n_rays >= WANTED)  # two rays meet wherever they are wrong
     surface = through(x_m[checked]) if np.mean(checked) > _ENOUGH else oriented.surface
-    return _with_poses(block, Pose(R=R, r=r)), oriented.views, surface
+    trajectory = replace(block.trajectory, T_m_b=bundle.state.T_m_b)
+    found = replace(block, cameras=bundle.cameras, trajectory=trajectory)
+    return found, oriented.views, surface
 
 
-_ENOUGH = 0.2  # of the points have three rays
-
-
-def _tracks(features: Mapping[int, _Features], links: Sequence[_Link]) -> TieRays:
+def _tracks(features: Mapping[int, _Features], links: Links) -> TieRays:
     """Return features chained by all links as points; none has two features in one picture."""
     views = sorted(features)
     ends = np.cumsum([0, *(len(features[v].colrow) for v in views)])
     first, n = dict(zip(views, ends[:-1], strict=True)), int(ends[-1])
     which = np.concatenate(
-        [link.by.which + np.array([first[link.i], first[link.j]]) for link in links]
+        [by.which + np.array([first[i], first[j]]) for (i, j), by in links.items()]
     )
     _, track = connected_components(coo_array((np.ones(len(which)), which.T), (n, n)), False)
     view = np.repeat(views, np.diff(ends))
@@ -607,12 +541,3 @@ def _tracks(features: Mapping[int, _Features], links: Sequence[_Link]) -> TieRay
     usable = (np.bincount(track) > 1) & (np.bincount(track, twice) == 0)
     rays = TieRays(point=track, view=view, colrow=colrow, sigma_px=np.full(n, SIGMA_PX))
     return rays[usable[track]]
-
-
-# --- Attitudes of the trajectory compared with those of the pictures
-
-
-GAP_DEG = 20.0
-"""Headings that are farther apart than this belong to different courses."""
-
-R_NED_M = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])

@@ -7,18 +7,20 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from scipy.optimize import brentq
 
 from acx4files.measuring.pairs import Found
 from acx4files.measuring.views import Surface, View, seen_at, through
 from acx4lib import expected
-from acx4lib.block import NO_POINTS, Block, ImagePoints, Trajectory
+from acx4lib.block import NO_POINTS, Block, ImagePoints
 from acx4lib.bundle.adjust import Bundle, mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting
-from acx4lib.bundle.network import Network
 from acx4lib.calibration.common_errors import freely_turned
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import NOT_GIVEN, Array, Index, Mask
+from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.parameters import Prior
+from acx4lib.least_squares.reduced_system import held_at_zero
 from acx4lib.model import Model
 
 WANTED = 3
@@ -75,14 +77,11 @@ def joined(corners: Sequence[Index], pairs: Pairs, camera: Index) -> TieRays:
     """
     first = np.cumsum([0, *(len(colrow_of_view) for colrow_of_view in corners)])
     parts = [
-        (first[master] + matches.which, np.full(len(matches), view), matches)
+        (first[master] + found.which, np.full(len(found), view), found.colrow, found.sigma_px)
         for (i, j), both in pairs.items()
-        for master, view, matches in ((i, j, both[0]), (j, i, both[1]))
+        for master, view, found in ((i, j, both[0]), (j, i, both[1]))
     ]
-    point = np.concatenate([np.zeros(0, np.intp), *(p for p, _, _ in parts)])
-    view = np.concatenate([np.zeros(0, np.intp), *(v for _, v, _ in parts)])
-    sigma = np.concatenate([np.zeros((0, 2)), *(matches.sigma_px for _, _, matches in parts)])
-    colrow = np.concatenate([np.zeros((0, 2)), *(matches.colrow for _, _, matches in parts)])
+    point, view, colrow, sigma = (np.concatenate(part) for part in zip(*parts, strict=True))
     corner, inverse, count = np.unique(point, return_inverse=True, return_counts=True)
     mean_square = np.bincount(inverse, sigma[:, 0] ** 2) / count
     master = np.searchsorted(first, corner, side="right") - 1
@@ -148,14 +147,13 @@ that is not declared, and for delays."""
 LEVER_M = 1.0
 """Standard deviation of a lever arm as an approximate value."""
 
-FREE = (
-    (8, ("f", "xp", "yp", "k1", "k2", "p1", "p2")),
-    (6, ("f", "xp", "yp", "k1")),
-    (3, ("k1", "k2")),
-    (0, ()),
-)
-"""Interior parameters that are estimated, and the number of images that bear them. A few images
-cannot tell a focal length from their heights, and need not."""
+FREE = ((8, ("f", "xp", "yp", "k1", "k2", "p1", "p2")), (3, ("k1", "k2")), (0, ()))
+"""Interior parameters that may be estimated, and the number of pictures that a head needs."""
+
+DETERMINED = 0.005
+"""Largest standard deviation of an estimated lens at the corners of its pictures, as a share of
+their distance from the middle. A strip over flat ground cannot tell a focal length from a height,
+nor two-fold overlap a lens from the ground: an adjustment would wander off along what is open."""
 
 SMALLEST_ANGLE = np.radians(0.5)
 
@@ -249,16 +247,23 @@ def _shared(bundle: Bundle, rays: TieRays) -> Array:
     another for its windows of other heads' corners, which see other colours. What a picture has in
     common is no noise of windows: where exposures have several, each turns by itself.
     """
-    images, n_cameras = bundle.network.block.images, len(bundle.network.block.cameras)
+    images, n_groups = bundle.network.block.images, 2 * len(bundle.network.block.cameras)
     group_of = 2 * images.camera_idx[rays.view] + rays.of_head
-    shared_px = np.full(2 * n_cameras, LEAST_SIGMA_PX)
-    if len(images) == len(np.unique(images.exposure_idx)):
-        return _once_more(bundle, rays, group_of, shared_px).reshape(-1, 2)
-    least_px = np.hypot(rays.sigma_px, LEAST_SIGMA_PX)
-    for _ in range(_ROUNDS):
-        factor = np.hypot(rays.sigma_px, shared_px[group_of]) / least_px
-        turned = freely_turned(_times(bundle, factor), partial(mounted_orientation, model=Model()))
-        shared_px = _once_more(turned, rays, group_of, shared_px)
+    shared_px = np.full(n_groups, LEAST_SIGMA_PX)
+    turned, of_rig = bundle, len(images) > len(np.unique(images.exposure_idx))
+    for _ in range(_ROUNDS if of_rig else 1):
+        sigma_px = np.hypot(rays.sigma_px, shared_px[group_of])
+        if of_rig:
+            factor = sigma_px / np.hypot(rays.sigma_px, LEAST_SIGMA_PX)
+            turned = freely_turned(
+                _times(bundle, factor), partial(mounted_orientation, model=Model())
+            )
+        rows, group = turned.network.rows, turned.solution.groups[0]
+        v_sq = np.square(group.v / group.sigma) * sigma_px[rows, None] ** 2
+        for k in range(n_groups):
+            own = group_of[rows] == k
+            redundancy = float(np.sum(group.redundancy[own]))
+            shared_px[k] = _beyond(v_sq[own], rays.sigma_px[rows][own], redundancy)
     return shared_px.reshape(-1, 2)
 
 
@@ -271,51 +276,51 @@ def _times(bundle: Bundle, factor: Array) -> Bundle:
     )
 
 
-def _once_more(bundle: Bundle, rays: TieRays, group_of: Index, shared_px: Array) -> Array:
-    """Return the error that windows share, from an adjustment with its last value `shared_px`."""
-    rows, group = bundle.network.rows, bundle.solution.groups[0]
-    sigma_px, group_of = rays.sigma_px[rows], group_of[rows]
-    v_sq = np.square(group.v / group.sigma) * np.hypot(sigma_px, shared_px[group_of])[:, None] ** 2
-    shared = []
-    for k in range(len(shared_px)):
-        in_group = group_of == k
-        shared.append(
-            _beyond(v_sq[in_group], sigma_px[in_group], float(np.sum(group.redundancy[in_group])))
-        )
-    return np.array(shared)
-
-
 def _beyond(v_sq: Array, sigma_px: Array, redundancy: float) -> float:
     """Return the standard deviation that explains squared residuals beyond their noise, px."""
-    low, high = 0.0, _MOST_SHARED_PX
 
-    def is_more(shared: float) -> bool:
-        return float(np.sum(v_sq / (sigma_px**2 + shared**2)[:, None])) > redundancy
+    def excess(shared: float) -> float:
+        return float(np.sum(v_sq / (sigma_px**2 + shared**2)[:, None])) - redundancy
 
-    if not is_more(low):
-        return low
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if is_more(middle) else (low, middle)
-    return low
+    if excess(0.0) <= 0 or excess(_MOST_SHARED_PX) >= 0:
+        return 0.0 if excess(0.0) <= 0 else _MOST_SHARED_PX
+    return float(brentq(excess, 0.0, _MOST_SHARED_PX, xtol=1e-9))
 
 
-_MOST_SHARED_PX, _HALVINGS, _ROUNDS = 2.0, 30, 3
+_MOST_SHARED_PX, _ROUNDS = 2.0, 3
 
 
 def _adjusted(block: Block) -> Bundle:
-    """Return the adjustment with the most interior parameters that the block bears."""
-    reasons: list[str] = []
-    for free in (names for least, names in FREE if len(block.images) >= least):
-
-        def network(trial: Block, free: tuple[str, ...] = free) -> Network:
-            return mounted_orientation(trial, Model(free=free))
-
+    """Return the adjustment with the most interior parameters that the pictures determine."""
+    measured = np.bincount(block.image_points.image_idx, minlength=len(block.images)) > 0
+    n_pictures = np.bincount(block.images.camera_idx[measured])
+    failed = AdjustmentError("no picture has measurements")
+    for least, free in FREE:
+        if min(n_pictures[n_pictures > 0], default=0) < least:
+            continue
         try:
-            return adjust_rejecting(block, network, critical=CRITICAL, sigma0="estimated")
+            set_up = partial(mounted_orientation, model=Model(free=free))
+            bundle = adjust_rejecting(block, set_up, critical=CRITICAL, sigma0="estimated")
         except AdjustmentError as error:
-            reasons.append(str(error))
-    raise AdjustmentError(reasons[-1])
+            failed = error
+        else:
+            if all(
+                _at_corners(bundle, k) < DETERMINED for k in np.flatnonzero(n_pictures).tolist()
+            ):
+                return bundle
+    raise failed
+
+
+def _at_corners(bundle: Bundle, k: int) -> float:
+    """Return the standard deviation of camera k's lens at its corners, as a share of the radius."""
+    camera, columns = bundle.cameras[k], bundle.network.layout.interior[k]
+    if np.any(bundle.solution.undetermined[columns[columns >= 0]]):
+        return np.inf
+    r = camera.diagonal_px * camera.pixel_mm / 2
+    by_name = {"f": 1 / camera.interior.f, "k1": r**2, "k2": r**4}
+    J = np.array([by_name.get(name, 0.0) for name in INTERIOR])
+    cov = held_at_zero(bundle.solution.inverse, columns[:, None], columns[None, :])
+    return float(np.sqrt(max(bundle.solution.sigma0_sq * (J @ cov @ J), 0.0)))
 
 
 def _with_rays(block: Block, views: Sequence[View], rays: TieRays) -> Block:
@@ -367,10 +372,8 @@ def _with_sigma(block: Block, position_m: float, attitude: float) -> Block:
     declared = block.trajectory
     position = np.maximum(declared.sigma_position, position_m)
     attitudes = np.maximum(declared.sigma_attitude, attitude)
-    trajectory = Trajectory(
-        exposures=declared.exposures,
-        T_m_b=declared.T_m_b,
-        R_g_m=declared.R_g_m,
+    trajectory = replace(
+        declared,
         sigma_position=np.where(np.isfinite(position), position, _UNKNOWN_M),
         sigma_attitude=np.where(np.isfinite(attitudes), attitudes, _UNKNOWN),
     )

@@ -1,26 +1,20 @@
 """Match two pictures: find the corners of each in the other one, along its epipolar line.
 
-Patches are laid onto the ground, compared and fitted by least squares; pairs that were matched are
-kept beside the flight, so that a call that was stopped goes on.
+Patches are laid onto the ground, compared and fitted by least squares.
 """
 
 from __future__ import annotations
 
-import hashlib
-import pickle
-import shutil
-import zipfile
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, as_completed
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from pathlib import Path
+from typing import TypeVar
 
 import cv2
 import numpy as np
+from scipy.ndimage import map_coordinates
 
-from acx4files.images.head_images import fingerprint
 from acx4files.measuring.views import Surface, View, pixels_of_view, transferred
-from acx4files.results import whole_files
 from acx4lib import expected
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.collinearity import rays
@@ -59,11 +53,6 @@ class MatchOptions:
     least_correlation: float = 0.7
     largest_sigma_px: float = 0.25
     epipolar_px: float = 0.5
-
-    def __post_init__(self) -> None:
-        expected.whole("search_px", self.search_px)
-        for name in ("largest_sigma_px", "epipolar_px"):
-            expected.positive(name, getattr(self, name), zero=True)
 
     @property
     def side(self) -> int:
@@ -275,29 +264,21 @@ class Patches:
         from_middle : ndarray, shape (n, 2)
             Distances of the points from the middles, px.
         """
-        last = self.nodes.shape[1] - 2
-        position = (from_middle + self.side // 2) / STEP
-        i = np.clip(np.floor(position).astype(np.intp), 0, last)
-        (tx, ty), (c, r) = np.moveaxis(position - i, 1, 0)[..., None], i.T
-        low = (1 - tx) * self.nodes[which, r, c] + tx * self.nodes[which, r, c + 1]
-        high = (1 - tx) * self.nodes[which, r + 1, c] + tx * self.nodes[which, r + 1, c + 1]
-        return np.asarray((1 - ty) * low + ty * high)
+        at = np.column_stack([which, (from_middle[:, ::-1] + self.side // 2) / STEP]).T
+        both = [map_coordinates(self.nodes[..., k], at, order=1, mode="nearest") for k in (0, 1)]
+        return np.column_stack(both)
 
 
 def own_patches(view: View, at: Index, side: int) -> Patches:
     """Return a picture's own patches around pixels, shape (n, 2), as they are."""
-    image, half = pixels_of_view(view), side // 2
-    out = np.full((len(at), side, side), np.nan, np.float32)
-    rows, cols = image.shape[:2]
-    for patch, (col, row) in zip(out, at.tolist(), strict=True):
-        top, left = max(row - half, 0), max(col - half, 0)
-        bottom, right = min(row + half + 1, rows), min(col + half + 1, cols)
-        if bottom > top and right > left:
-            place = np.s_[
-                top - row + half : bottom - row + half, left - col + half : right - col + half
-            ]
-            patch[place] = grey(np.ascontiguousarray(image[top:bottom, left:right]))
-    return Patches(grey=out.reshape(-1, side), side=side, scale=np.ones(len(at)))
+    image, offset = pixels_of_view(view), np.arange(side) - side // 2
+    rows, cols = (at[:, k, None] + offset for k in (1, 0))
+    is_row, is_col = ((i >= 0) & (i < n) for i, n in zip((rows, cols), image.shape, strict=False))
+    rows, cols = (np.clip(i, 0, n - 1) for i, n in zip((rows, cols), image.shape, strict=False))
+    patches = image[rows[:, :, None], cols[:, None, :]]
+    out = grey(np.ascontiguousarray(patches.reshape(-1, side, image.shape[2])))
+    out[~(is_row[:, :, None] & is_col[:, None, :]).reshape(-1, side)] = np.nan
+    return Patches(grey=out, side=side, scale=np.ones(len(at)))
 
 
 def laid_patches(a: View, b: View, surface: Surface, at: Index, side: int) -> Patches:
@@ -335,88 +316,36 @@ def _lay(image: np.ndarray, nodes: Array, scale: float, out: Array) -> None:
     resample(part, nodes, STEP, first, out)
 
 
-# --- Matched pairs kept until a flight is measured, so that an interrupted command goes on
+# --- Pairs, here or in other processes
 
-
-FOLDER = "pairs"
-_PARTS = ("which", "colrow", "sigma_px")
-_BROKEN = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
 
 Both = tuple[Found, Found]
 Count = Callable[[int, int], None]
+Job = TypeVar("Job")
+Value = TypeVar("Value")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Matching:
-    """How pairs are matched, and where they are kept.
+def each(
+    function: Callable[[Job], Value], jobs: Sequence[Job], executor: Executor | None, tell: Count
+) -> list[Value]:
+    """Return a function's values of all jobs, computed here or by an executor.
 
-    Attributes
+    Parameters
     ----------
-    folder : Path
+    function : callable
+    jobs : sequence
     executor : Executor or None
-        Where pairs are matched; here, one after the other, without.
-    prints : dict of Path to str
-        Checksums of pictures that were looked at before.
+    tell : callable
+        Called with the number of finished jobs and of all.
     """
-
-    folder: Path
-    executor: Executor | None = None
-    prints: dict[Path, str] = field(default_factory=dict)
-
-    def run(self, jobs: Sequence[PairJob], count: Count) -> list[Both]:
-        """Return the matches of pairs; pairs that were matched before are read, not matched again.
-
-        Parameters
-        ----------
-        jobs : sequence of PairJob
-        count : callable
-            Called with the number of finished pairs and of all.
-        """
-        places = [self.folder / f"{self._digest(job)}.npz" for job in jobs]
-        out: list[Both | None] = [_kept(place) for place in places]
-        missing = [k for k, both in enumerate(out) if both is None]
-        done = len(jobs) - len(missing)
-        count(done, len(jobs))
-        for k, both in self._matched(jobs, missing):
-            _keep(places[k], both)
-            out[k] = both
-            done += 1
-            count(done, len(jobs))
-        return [both for both in out if both is not None]
-
-    def forget(self) -> None:
-        """Remove the pairs of a flight that is measured."""
-        shutil.rmtree(self.folder, ignore_errors=True)
-
-    def _matched(
-        self, jobs: Sequence[PairJob], missing: Sequence[int]
-    ) -> Iterator[tuple[int, Both]]:
-        if self.executor is None:
-            yield from ((k, _match_pair(jobs[k])) for k in missing)
-            return
-        calls = {self.executor.submit(_match_pair, jobs[k]): k for k in missing}
-        for call in as_completed(list(calls)):
-            yield calls.pop(call), call.result()
-
-    def _digest(self, job: PairJob) -> str:
-        """Return a name for a pair as it is to be matched: pictures, orientations, options."""
-        for path in (job.a.path, job.b.path):
-            if path not in self.prints:
-                self.prints[path] = fingerprint(path)
-        fingerprints = [self.prints[job.a.path], self.prints[job.b.path]]
-        return hashlib.sha256(pickle.dumps((fingerprints, job), protocol=5)).hexdigest()[:24]
+    out: list[Value] = []
+    for value in (executor.map if executor else map)(function, jobs):
+        out.append(value)
+        tell(len(out), len(jobs))
+    return out
 
 
-def _keep(path: Path, both: Both) -> None:
-    path.parent.mkdir(exist_ok=True)
-    parts = {
-        f"{k}_{name}": getattr(matches, name) for k, matches in enumerate(both) for name in _PARTS
-    }
-    with whole_files.appearing(path) as draft, draft.open("wb") as file:
-        np.savez(file, **parts)
-
-
-def _match_pair(job: PairJob) -> tuple[Found, Found]:
+def match_pair(job: PairJob) -> Both:
     """Return the corners of the first picture found in the second, and the reverse."""
     forth = found_in(job.a, job.b, job.surface, job.at_a, job.options)
     back = found_in(job.b, job.a, job.surface, job.at_b, job.options)
@@ -424,15 +353,3 @@ def _match_pair(job: PairJob) -> tuple[Found, Found]:
     colrow_b = np.concatenate([forth.colrow, job.at_b[back.which]])
     near = agree(job.a, job.b, colrow_a, colrow_b, least_px=job.options.epipolar_px)
     return forth[near[: len(forth)]], back[near[len(forth) :]]
-
-
-def _kept(path: Path) -> Both | None:
-    """Return the saved matches of a pair; None where there are none or the file is damaged."""
-    if not path.is_file():
-        return None
-    try:
-        with path.open("rb") as kept, np.load(kept, allow_pickle=False) as file:
-            forth, back = (Found(**{name: file[f"{k}_{name}"] for name in _PARTS}) for k in (0, 1))
-    except _BROKEN:
-        return None
-    return forth, back

@@ -16,7 +16,7 @@ from scipy.special import ndtr
 
 from acx4files.measuring.pairs import MatchOptions, found_in
 from acx4files.measuring.views import Surface, View, pixels_of, pixels_of_view, transferred
-from acx4lib.expected import Array, Index, Mask
+from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import inside
 from acx4lib.tie_points.matching import grey
 
@@ -37,7 +37,6 @@ _BLUR, _SAMPLES = 0.5, 4
 _WEIGHT = 0.05  # of the usual blur and the template's radius: small discs determine neither
 _SMALL_PX, _PHASES = 1.8, ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5))
 _PLAY = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
-_TINY_PX = 1e-9  # of a sample in the very middle, which has no direction
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,16 +83,12 @@ def discs(grey: Array) -> list[Disc]:
         Without NaN.
     """
     starts: list[tuple[float, float, float, float]] = []
-    for start in sorted(_starts(grey), reverse=True):
-        if len(starts) < MOST and not any(_same(start, other) for other in starts):
-            starts.append(start)
+    for rho, radius, col, row in sorted(_starts(grey), reverse=True):
+        others = (np.hypot(col - c, row - r) < max(1.5, radius) for _, _, c, r in starts)
+        if len(starts) < MOST and not any(others):  # the clearer one has the better radius
+            starts.append((rho, radius, col, row))
     fitted = (_centred(grey, c, r, size, correlation=rho) for rho, size, c, r in starts)
     return [disc for disc in fitted if disc is not None]
-
-
-def _same(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
-    """Tell whether two starts are of the same disc; the clearer one has the better radius."""
-    return np.hypot(a[2] - b[2], a[3] - b[3]) < max(1.5, b[1])
 
 
 def _starts(grey: Array) -> list[tuple[float, float, float, float]]:
@@ -139,17 +134,6 @@ def _image(x: Array, y: Array, radius: float, blur: float) -> Array:
     return np.asarray(ndtr((radius - away) / blur).mean(axis=(-1, -2)))
 
 
-def _image_jacobian(x: Array, y: Array, radius: float, blur: float) -> Array:
-    """Return the derivatives of `_image` by the middle and by ln radius and ln blur, (n, 4)."""
-    xx, yy = (x[:, None] + _PLAY)[:, None, :], (y[:, None] + _PLAY)[:, :, None]
-    away = np.hypot(xx, yy)
-    z = (radius - away) / blur
-    density = np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi)
-    outward = density / np.maximum(away, _TINY_PX) / blur
-    parts = (outward * xx, outward * yy, density * (radius / blur), -density * z)
-    return np.stack([part.mean(axis=(-1, -2)) for part in parts], axis=-1)
-
-
 def _centred(
     grey: Array, col: float, row: float, radius: float, *, correlation: float
 ) -> Disc | None:
@@ -169,7 +153,6 @@ def _centred(
     contrast = float(np.mean(values[inner])) - ground
     if contrast == 0:
         return None
-
     start = np.array([0.0, 0.0, np.log(radius), np.log(_BLUR), ground / contrast, 1.2])
 
     def misfit(p: Array) -> Array:
@@ -177,36 +160,19 @@ def _centred(
         usual = _WEIGHT * (p[2:4] - start[2:4])
         return np.append(p[4] + p[5] * share - values / contrast, usual)
 
-    def jacobian(p: Array) -> Array:
-        model = x - p[0], y - p[1], np.exp(p[2]), np.exp(p[3])
-        J = np.zeros((len(x) + 2, 6))
-        J[:-2, :4], J[:-2, 4], J[:-2, 5] = p[5] * _image_jacobian(*model), 1.0, _image(*model)
-        J[[-2, -1], [2, 3]] = _WEIGHT
-        return J
-
-    fit = least_squares(misfit, start, jacobian, method="lm", max_nfev=60)
-    return _judged(fit.x, fit.fun, np.asarray(fit.jac), (col, row, radius, contrast, correlation))
-
-
-def _judged(
-    p: Array, v: Array, J: Array, start: tuple[float, float, float, float, float]
-) -> Disc | None:
-    """Return the disc of a fit; None where it is no disc."""
-    col, row, radius, contrast, correlation = start
-    rms = float(np.sqrt(v @ v / max(len(v) - len(p), 1)))
-    size = float(np.exp(p[2]))
-    away = np.hypot(p[0], p[1])
+    fit = least_squares(misfit, start, method="lm", max_nfev=400)
+    p, J = fit.x, np.asarray(fit.jac)
     N = J.T @ J
-    if away > max(1.0, 0.7 * radius) or not p[5] > 0 or rms > LARGEST_MISFIT * p[5]:
-        return None
-    if size > 2 * radius or np.linalg.cond(N) > 1e14:
+    rms = float(np.sqrt(2 * fit.cost / max(len(fit.fun) - len(p), 1)))
+    is_away = np.hypot(p[0], p[1]) > max(1.0, 0.7 * radius) or np.exp(p[2]) > 2 * radius
+    if is_away or not p[5] > 0 or rms > LARGEST_MISFIT * p[5] or np.linalg.cond(N) > 1e14:
         return None
     sigma = rms * float(np.sqrt(np.linalg.inv(N)[:2, :2].trace() / 2))
     return Disc(
         col=col + float(p[0]),
         row=row + float(p[1]),
         sigma_px=float(np.hypot(sigma, LEAST_SIGMA_PX)),
-        radius_px=size,
+        radius_px=float(np.exp(p[2])),
         contrast=float(p[5]) * contrast,
         correlation=correlation,
     )
@@ -271,44 +237,36 @@ def elected(candidates: Sequence[Candidate]) -> list[Candidate]:
         return []
     by_views, by_points = _votes(candidates)
     enough = min(OTHERS, len({candidate.point for candidate in candidates}) - 1)
-    votes = (
-        by_views + by_points + 0.1 * np.array([candidate.correlation for candidate in candidates])
-    )
+    votes = by_views + by_points + [0.1 * candidate.correlation for candidate in candidates]
     votes[(by_points < enough) | (by_views + by_points == 0)] = 0
     best: dict[tuple[int, int], int] = {}
-    for k, candidate in enumerate(candidates):
-        other = best.get((candidate.point, candidate.view))
-        if votes[k] > 0 and (other is None or votes[k] > votes[other]):
-            best[candidate.point, candidate.view] = k
-    return _as_beside([candidates[k] for k in sorted(best.values())])
+    for k in np.argsort(-votes, kind="stable")[: np.sum(votes > 0)].tolist():
+        best.setdefault((candidates[k].point, candidates[k].view), k)
+    chosen = [candidates[k] for k in sorted(best.values())]
+    return [candidate for candidate in chosen if _is_as_beside(candidate, chosen)]
 
 
-def _as_beside(chosen: Sequence[Candidate]) -> list[Candidate]:
-    """Return the candidates with the offset of the points around them; two stones may agree."""
-    out = []
-    for candidate in chosen:
-        others = [other for other in chosen if other.point != candidate.point]
-        others.sort(key=lambda other: np.hypot(*np.subtract(other.at_m, candidate.at_m)))
-        near = np.array([other.offset_m for other in others[:AROUND]] or [candidate.offset_m])
-        away = np.hypot(*(np.median(near, axis=0) - candidate.offset_m))
-        if away < OTHER_POINT_PX * candidate.pixel_m:
-            out.append(candidate)
-    return out
+def _is_as_beside(candidate: Candidate, chosen: Sequence[Candidate]) -> bool:
+    """Tell whether a candidate has the offset of the points around it; two stones may agree."""
+    others = [other for other in chosen if other.point != candidate.point]
+    others.sort(key=lambda other: np.hypot(*np.subtract(other.at_m, candidate.at_m)))
+    near = np.array([other.offset_m for other in others[:AROUND]] or [candidate.offset_m])
+    away = np.hypot(*(np.median(near, axis=0) - candidate.offset_m))
+    return bool(away < OTHER_POINT_PX * candidate.pixel_m)
 
 
 def _votes(candidates: Sequence[Candidate]) -> tuple[Array, Array]:
     """Return how many other pictures of its point, and other points, support each candidate."""
-    offset = np.array([c.offset_m for c in candidates])
-    pixel = np.array([c.pixel_m for c in candidates])
-    radius = np.array([c.radius_m for c in candidates])
-    bright = np.array([c.bright for c in candidates])
-    point, view = (np.array([getattr(c, n) for c in candidates]) for n in ("point", "view"))
+    point, view, offset, pixel, radius, bright = (
+        np.array([getattr(candidate, name) for candidate in candidates])
+        for name in ("point", "view", "offset_m", "pixel_m", "radius_m", "bright")
+    )
     out = np.zeros((2, len(candidates)))
     for k in range(len(candidates)):
         coarser = np.maximum(pixel, pixel[k])
         away = np.hypot(*(offset - offset[k]).T) / coarser
-        sizes = np.maximum(radius, radius[k]) / np.minimum(radius, radius[k])
-        alike = (sizes < ALIKE) | (np.abs(radius - radius[k]) < ALIKE_PX * coarser)
+        alike = np.maximum(radius, radius[k]) < ALIKE * np.minimum(radius, radius[k])
+        alike |= np.abs(radius - radius[k]) < ALIKE_PX * coarser
         alike &= bright == bright[k]
         same = alike & (point == point[k]) & (view != view[k]) & (away < SAME_POINT_PX)
         other = alike & (point != point[k]) & (away < OTHER_POINT_PX)
@@ -326,7 +284,7 @@ LEAST_PX = 12
 
 
 def find_targets(views: Sequence[View], x_m: Array) -> list[Candidate]:
-    """Return the places of signalised points in pictures.
+    """Return the places of signalised points in pictures, one for each point and picture.
 
     Parameters
     ----------
@@ -334,15 +292,8 @@ def find_targets(views: Sequence[View], x_m: Array) -> list[Candidate]:
         With orientations on which the pictures agree.
     x_m : ndarray, shape (n, 3)
         Surveyed points, mapping frame, m.
-
-    Returns
-    -------
-    list of Candidate
-        For every point that was found, one for each picture.
     """
-    return elected(
-        [candidate for i, view in enumerate(views) for candidate in _candidates(i, view, x_m)]
-    )
+    return elected([spot for i, view in enumerate(views) for spot in _candidates(i, view, x_m)])
 
 
 def _candidates(i: int, view: View, x_m: Array) -> Iterator[Candidate]:
@@ -352,14 +303,19 @@ def _candidates(i: int, view: View, x_m: Array) -> Iterator[Candidate]:
     pixel_m = away * view.camera.pixel_mm / view.camera.interior.f
     for k in np.flatnonzero(inside(view.camera, places)).tolist():
         reach = int(max(LEAST_PX, SEARCH * away[k] / pixel_m[k])) + int(2 * max(RADII_PX))
-        window, first = _window(view, places[k], reach)
-        for disc in discs(window):
+        col, row = np.rint(places[k]).astype(int)
+        first = np.array([max(col - reach, 0), max(row - reach, 0)])
+        part = pixels_of_view(view)[first[1] : row + reach + 1, first[0] : col + reach + 1]
+        # by how much a point would move on its level to be seen at a pixel
+        level = pixels_of(view, x_m[k] + np.eye(3)[:2]) - places[k]
+        for disc in discs(grey(np.ascontiguousarray(part))):
             colrow = first + np.array([disc.col, disc.row])
+            east, north = np.linalg.solve(level.T, colrow - places[k])
             yield Candidate(
                 point=k,
                 view=i,
                 at_m=(float(x_m[k, 0]), float(x_m[k, 1])),
-                offset_m=_offset(view, x_m[k], places[k], colrow),
+                offset_m=(float(east), float(north)),
                 pixel_m=float(pixel_m[k]),
                 radius_m=float(disc.radius_px * pixel_m[k]),
                 bright=disc.contrast > 0,
@@ -367,24 +323,6 @@ def _candidates(i: int, view: View, x_m: Array) -> Iterator[Candidate]:
                 colrow=(float(colrow[0]), float(colrow[1])),
                 sigma_px=disc.sigma_px,
             )
-
-
-def _window(view: View, place: Array, reach: int) -> tuple[Array, Array]:
-    """Return the grey values around a place, and the col, row of their first pixel."""
-    image = pixels_of_view(view)
-    col, row = np.rint(place).astype(int)
-    top, left = max(row - reach, 0), max(col - reach, 0)
-    part = image[top : row + reach + 1, left : col + reach + 1]
-    return grey(np.ascontiguousarray(part)), np.array([left, top])
-
-
-def _offset(view: View, x_m: Array, place: Array, colrow: Array) -> tuple[float, float]:
-    """Return by how much a point would have to move on its level to be seen at a pixel, m."""
-    step = 1.0
-    moved = x_m + step * np.array([[1.0, 0, 0], [0, 1.0, 0]])
-    J = (pixels_of(view, moved) - place).T / step
-    east, north = np.linalg.solve(J, colrow - place)
-    return float(east), float(north)
 
 
 # --- Points that are measured in one picture, carried into all others by matching
@@ -468,25 +406,24 @@ def find_surveyed(
         What is measured already. Such a point is matched from there; the others are looked for as
         signalised ones.
     """
-    measured = {(row.image, row.point) for row in given}
-    by_point: dict[str, list[Measured]] = {}
-    for row in given:
-        by_point.setdefault(row.point, []).append(row)
-    signalised = [k for k, name in enumerate(names) if name not in by_point]
+    done = {(row.image, row.point) for row in given}
+    known = {row.point for row in given}
+    signalised = [k for k, name in enumerate(names) if name not in known]
     rows = [
-        _row(
-            views[target.view],
-            names[signalised[target.point]],
-            np.array(target.colrow),
-            target.sigma_px,
-        )
-        for target in find_targets(views, x_m[signalised])
+        _row(views[spot.view], names[signalised[spot.point]], np.array(spot.colrow), spot.sigma_px)
+        for spot in find_targets(views, x_m[signalised])
     ]
     for name in names:
-        rows += _natural(views, surface, by_point.get(name, []))
-    rows = [row for row in rows if (row.image, row.point) not in measured]
-    done = measured | {(row.image, row.point) for row in rows}
-    return Surveyed(rows=tuple(rows), not_found=dict(_missing(views, names, x_m, done)))
+        rows += _natural(views, surface, [row for row in given if row.point == name])
+    rows = [row for row in rows if (row.image, row.point) not in done]
+    done |= {(row.image, row.point) for row in rows}
+    lacking: dict[str, tuple[str, ...]] = {}
+    for view in views:
+        for k in np.flatnonzero(inside(view.camera, pixels_of(view, x_m))).tolist():
+            if (view.name, names[k]) not in done:
+                lacking[names[k]] = (*lacking.get(names[k], ()), view.name)
+    not_found = {name: lacking[name] for name in names if name in lacking}
+    return Surveyed(rows=tuple(rows), not_found=not_found)
 
 
 def _natural(
@@ -494,17 +431,15 @@ def _natural(
 ) -> Iterator[Measured]:
     """Yield the measurements of a point in other pictures, matched from the surest given one."""
     of_name = {view.name: view for view in views}
-    measured_rows = [row for row in given if row.image in of_name]
-    if not measured_rows:
+    row = min((r for r in given if r.image in of_name), key=lambda r: r.sigma_px, default=None)
+    if row is None:
         return
-    row = min(measured_rows, key=lambda measured: measured.sigma_px)
     view = of_name[row.image]
     others = [other for other in views if other is not view]
     colrow = view.own(np.array([[row.col_px, row.row_px]]))[0]
     for k, place, sigma in zip(*places_in_other_views(view, others, surface, colrow), strict=True):
-        matched_view = others[k]
-        given_px = row.sigma_px / matched_view.shrink
-        yield _row(matched_view, row.point, place, float(np.hypot(sigma, given_px)))
+        given_px = row.sigma_px / others[k].shrink
+        yield _row(others[k], row.point, place, float(np.hypot(sigma, given_px)))
 
 
 def _row(view: View, point: str, colrow: Array, sigma_px: float) -> Measured:
@@ -516,18 +451,3 @@ def _row(view: View, point: str, colrow: Array, sigma_px: float) -> Measured:
         row_px=float(row),
         sigma_px=sigma_px * view.shrink,
     )
-
-
-def _missing(
-    views: Sequence[View], names: Sequence[str], x_m: Array, done: set[tuple[str, str]]
-) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Yield each point that pictures should show, with those in which it was not found."""
-    shown: list[Mask] = [inside(view.camera, pixels_of(view, x_m)) for view in views]
-    for k, name in enumerate(names):
-        lacking = [
-            view.name
-            for view, mask in zip(views, shown, strict=True)
-            if mask[k] and (view.name, name) not in done
-        ]
-        if lacking:
-            yield name, tuple(lacking)

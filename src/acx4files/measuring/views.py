@@ -9,9 +9,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pandas as pd
+from scipy.ndimage import map_coordinates
 
 from acx4files.images.head_images import image_from_file, is_whole
-from acx4lib import expected
 from acx4lib.block import Block
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Raster
@@ -121,10 +122,7 @@ def transferred(a: View, b: View, surface: Surface, colrow: Array) -> Array:
 
 def size_on_file(path: Path, camera: Camera) -> int:
     """Return K of a picture that has 1/K of its camera's size; FlightError for any other size."""
-    if path.suffix.lower() not in DECODED:
-        return image_from_file(path, camera).reduction
-    cols = _decoded(path, camera).shape[1]
-    return max(camera.width_px // cols, 1)
+    return max(camera.width_px // _on_file(path, camera).shape[1], 1)
 
 
 @lru_cache(maxsize=AT_HAND)
@@ -139,10 +137,11 @@ def pixels(path: Path, declared: tuple[int, int], shrink: int) -> np.ndarray:
     shrink : int
         A multiple of the factor by which the file itself is reduced.
     """
-    if path.suffix.lower() in DECODED:
-        image = _decoded(path, _of_size(path.name, declared))[:, :, None]
-    else:
-        image = image_from_file(path, _of_size(path.name, declared)).image
+    width, height = declared
+    camera = Camera(
+        name=path.name, width_px=width, height_px=height, pixel_mm=0.001, interior=Interior(f=1.0)
+    )
+    image = _on_file(path, camera)
     reduce = shrink // max(declared[0] // image.shape[1], 1)
     return image if reduce <= 1 else _reduced(image, declared, shrink, reduce)
 
@@ -153,8 +152,13 @@ def pixels_of_view(view: View) -> np.ndarray:
     return pixels(view.path, size, view.shrink)
 
 
-def _decoded(path: Path, camera: Camera) -> Raster:
-    """Return the grey values of a JPEG or PNG of a camera's size or 1/K of it, (rows, cols)."""
+def _on_file(path: Path, camera: Camera) -> Raster:
+    """Return the pixels of a picture of a camera's size or 1/K of it, (rows, cols, bands).
+
+    JPEG and PNG as grey values.
+    """
+    if path.suffix.lower() not in DECODED:
+        return image_from_file(path, camera).image
     if not path.is_file():
         raise FlightError([f"{path}: there is no such file"])
     data = path.read_bytes()
@@ -170,14 +174,7 @@ def _decoded(path: Path, camera: Camera) -> Raster:
     if (cols, rows) != (camera.width_px // k, camera.height_px // k):
         says = f"has {cols} x {rows} px; {camera.name} has {camera.width_px} x {camera.height_px}"
         raise FlightError([f"{path}: {says}, and its pictures that or 1/K of it, K a whole number"])
-    return np.asarray(image)
-
-
-def _of_size(name: str, size: tuple[int, int]) -> Camera:
-    """Return a camera with nothing but a size, to read a picture."""
-    width, height = size
-    interior = Interior(f=1.0)
-    return Camera(name=name, width_px=width, height_px=height, pixel_mm=0.001, interior=interior)
+    return np.expand_dims(np.asarray(image, np.uint8), 2)
 
 
 def _reduced(image: Raster, declared: tuple[int, int], shrink: int, reduce: int) -> Array:
@@ -227,22 +224,10 @@ class Surface:
     cell_m: float
     z: Array
 
-    def __post_init__(self) -> None:
-        expected.shape("origin", self.origin, (2,))
-        expected.positive("cell_m", self.cell_m)
-        expected.shape("z", self.z, ("rows", "cols"))
-        expected.finite("z", self.z)
-
     def heights(self, xy: Array) -> Array:
         """Return the heights at places, shape (n,), m."""
-        last = np.array(self.z.shape[::-1]) - 1
-        cells = np.clip((xy - self.origin) / self.cell_m, 0, last)
-        i = np.minimum(cells.astype(np.intp), np.maximum(last - 1, 0))
-        (tx, ty), (c, r) = (cells - i).T, i.T
-        c1, r1 = np.minimum(c + 1, last[0]), np.minimum(r + 1, last[1])
-        low = (1 - tx) * self.z[r, c] + tx * self.z[r, c1]
-        high = (1 - tx) * self.z[r1, c] + tx * self.z[r1, c1]
-        return np.asarray((1 - ty) * low + ty * high)
+        cells = (xy - self.origin) / self.cell_m
+        return map_coordinates(self.z, cells.T[::-1], order=1, mode="nearest")
 
 
 def level(z: float) -> Surface:
@@ -259,18 +244,15 @@ def through(x_m: Array) -> Surface:
         At least one point, m; single points that are far off its neighbours have little effect,
         as a cell takes the median of its points.
     """
-    expected.shape("x_m", x_m, ("n", 3))
     origin = x_m[:, :2].min(axis=0)
     cell = max(float(np.ptp(x_m[:, :2], axis=0).max()) / (CELLS - 1), 1e-3)
     place = np.rint((x_m[:, :2] - origin) / cell).astype(np.intp)
     shape = tuple(place.max(axis=0)[::-1] + 1)
     z, seen = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     mean = float(np.median(x_m[:, 2]))
-    order = np.lexsort((place[:, 0], place[:, 1]))
-    flat = place[order, 1] * shape[1] + place[order, 0]
-    for part in np.split(order, np.flatnonzero(np.diff(flat)) + 1):
-        col, row = place[part[0]]
-        z[row, col], seen[row, col] = np.median(x_m[part, 2]) - mean, 1
+    medians = pd.Series(x_m[:, 2] - mean).groupby([place[:, 1], place[:, 0]]).median()
+    rows, cols = (medians.index.get_level_values(k) for k in (0, 1))
+    z[rows, cols], seen[rows, cols] = medians, 1
     return Surface(origin=origin, cell_m=cell, z=mean + _filled(z, seen).astype(float))
 
 

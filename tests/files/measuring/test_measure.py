@@ -5,7 +5,6 @@ import re
 import shutil
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
 
@@ -17,13 +16,7 @@ from acx4files.measuring.levels import (
     overlapping,
     sizes_of,
 )
-from acx4files.measuring.measure import (
-    SURVEYED,
-    _given,
-    measure_flight,
-    read_unmeasured,
-    write_pictures,
-)
+from acx4files.measuring.measure import _given, measure_flight, read_unmeasured
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.mounting import single_step
 from acx4lib.model import Model
@@ -71,7 +64,6 @@ def test_what_is_written_is_a_flight_with_the_same_tables(whole):
         assert (whole.measured / name).read_bytes() == (whole.flight / name).read_bytes()
     picture = "calibration/images/C1-04.tif"
     assert (whole.flight / picture).samefile(whole.measured / picture)  # linked, not copied
-    assert not (whole.measured / "pairs").exists()
 
 
 @pytest.mark.repeats
@@ -123,19 +115,6 @@ def test_a_trajectory_whose_sigma_exceeds_what_is_searched_is_not_relied_on(whol
     measure_flight(tmp_path / "flight", tmp_path / "out", tell=lambda name, *_: asked.append(name))
     assert "calibration features" in asked
     assert measured.tie_errors(tmp_path / "out").rms < LARGEST
-
-
-def test_every_picture_is_shown_with_its_points(whole, tmp_path):
-    write_pictures([whole.outcome], tmp_path)
-    files = sorted(path.name for path in (tmp_path / "calibration").iterdir())
-    assert files == ["C1-04.jpg", "C2-04.jpg", "C4-04.jpg"]
-    image = cv2.imread(str(tmp_path / "calibration" / "C4-04.jpg")).astype(int)
-    assert max(image.shape) <= 1400
-    coloured = np.ptp(image, axis=2) > 40
-    rays = whole.outcome.matched.rays
-    assert 15 < coloured.sum() / np.sum(rays.view == 2) < 130  # a dot has some 60, and its rim
-    red = np.abs(image - SURVEYED).max(axis=2) < 40
-    assert red.any()
 
 
 # --- Levels
