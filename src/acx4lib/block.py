@@ -438,39 +438,3 @@ def first_images(block: Block) -> Index:
     first = np.full(len(block.trajectory), len(block.images))
     np.minimum.at(first, block.images.exposure_idx, np.arange(len(block.images)))
     return first
-
-
-# --- Exposures and control points that stand out from the others of a block, to be named in
-# errors
-
-
-FAR, TILTED = 20.0, np.radians(20.0)
-"""An exposure stands out if it is more than so many median distances from the middle of all, or
-tilted by more than this angle, rad, against the median vertical."""
-
-
-MOST_NAMED = 3
-
-
-def standing_out(block: Block) -> str:
-    """Name the exposures and control points that stand out, as part of a sentence."""
-    poses, trajectory = block.trajectory.T_m_b, block.trajectory
-    middle = np.median(poses.r, axis=0)
-    distance = np.linalg.norm(poses.r - middle, axis=1)
-    usual = max(float(np.median(distance)), 1.0)
-    up = np.median(poses.R[:, :, 2], axis=0)
-    tilt = np.arccos(np.clip(poses.R[:, :, 2] @ up / max(float(np.linalg.norm(up)), 1e-9), -1, 1))
-    names = [block.points[i] for i in block.control.point_idx]
-    survey = np.linalg.norm(block.control.x_m - middle, axis=1)
-    parts = [
-        *_named("exposure", trajectory.exposures, distance / usual / FAR),
-        *_named("exposure", trajectory.exposures, tilt / TILTED),
-        *_named("control point", names, survey / usual / FAR),
-    ]
-    return f", in which {', '.join(dict.fromkeys(parts))} stand out," if parts else ""
-
-
-def _named(kind: str, names: Sequence[str], size: Array) -> list[str]:
-    """Name the entries with the largest sizes above one, up to `MOST_NAMED`."""
-    worst = [i for i in np.argsort(-size)[:MOST_NAMED] if not size[i] <= 1]
-    return [f"{kind} {names[i]}" for i in worst]

@@ -72,13 +72,6 @@ def whole(name: str, value: object, *, least: int = 1) -> None:
         _refuse(name, f"a whole number of {least} or more", repr(value))
 
 
-def probability(name: str, value: float) -> None:
-    """Raise where a value is not strictly between zero and one."""
-    if not 0 < value < 1:
-        percent = " (per cent?)" if 1 < value <= 100 else ""
-        _refuse(name, "a probability between 0 and 1", f"{value!r}{percent}")
-
-
 # --- arrays ----------------------------------------------------------------------------------
 
 

@@ -264,7 +264,7 @@ def test_what_the_library_requires_is_enough_for_a_calibration(small):
     acx4sim.write(acx4sim.DESIGNS["single-head"](seed=3), small / "library")
     numbers, error = succeeds(small, "python", "-c", SMALL).splitlines()
     focal_mm, n_images = numbers.split()
-    here = acx.calibrate(acx.read(small / "library")).single_step.calibration
+    here = acx.calibrate(acx.read(small / "library"))["single_step"].calibration
     assert float(focal_mm) == pytest.approx(here.cameras[0].interior.f, abs=1e-9)
     assert int(n_images) == 60
     assert error == (

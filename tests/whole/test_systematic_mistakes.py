@@ -11,7 +11,7 @@ from acx4files import flight as flights
 from acx4files.results import folder
 from acx4files.stages import mounting, order
 from acx4lib.bundle.variance_components import BOUNDS, Component
-from acx4lib.calibration.confirmation import confirmations
+from acx4lib.calibration.diagnosis import confirmations
 from support.flights.simulated import read_back
 from support.flights.written import TOML, TRAJECTORY, change, replace
 from support.helpers import repeats

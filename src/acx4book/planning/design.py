@@ -14,7 +14,6 @@ import numpy as np
 
 from acx4book.planning import flown
 from acx4book.planning.plan import Plan
-from acx4lib import expected
 from acx4lib.block import Block
 from acx4lib.bundle.adjust import designed, mounted_orientation
 from acx4lib.calibration import rig, trajectory_errors
@@ -120,7 +119,6 @@ def of(plan: Plan, *, winds: int = 0) -> Design:
     AdjustmentError
         Where a block has fewer observations than unknowns.
     """
-    expected.whole("winds", winds, least=0)
     places = flown.tie_places(plan)
     even, *others = (
         _adjusted(plan, flown.exact(plan, places, wind=wind)) for wind in range(winds + 1)

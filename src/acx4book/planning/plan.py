@@ -42,7 +42,6 @@ from acx4files.flight.toml_file import (
     numbers,
     read_toml,
 )
-from acx4lib import expected
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera
@@ -223,7 +222,6 @@ class Plan:
             In the order of flight, by name; those of a sequence are named by their numbers.
         block : str
         """
-        expected.one_of("block", block, self.blocks)
         if not isinstance(strips, Mapping):
             strips = {str(number): strip for number, strip in enumerate(strips, 1)}
         tables = {
@@ -246,7 +244,6 @@ class Plan:
         area_m : tuple of float, optional
             Length forward and width left of the rectangle; by default that of the plan's own.
         """
-        expected.one_of("number", number, range(10))
         table = {
             "layout": "corners",
             "number": number,
@@ -312,7 +309,6 @@ def strip_of(
     overlap : float
         Of neighbouring images, as a part of what each of them shows along the flight.
     """
-    expected.whole("images", images)
     base_m = (1 - overlap) * image_length_m(camera, flying_height_m)
     return Strip(
         flying_height_m=flying_height_m,

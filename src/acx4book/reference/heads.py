@@ -283,7 +283,7 @@ def _factory(rig: Solved, k: int, reference: int) -> Array:
 
 
 def _blocks_sigma_deg(rig: Solved, k: int) -> float:
-    sigma = sigmas(rig.fits["rotations"].cov).reshape(-1, 6)[k, 3:]
+    sigma = sigmas(rig.fits["rotations"].orientation.cov).reshape(-1, 6)[k, 3:]
     return float(np.degrees(sigma.max()))
 
 

@@ -272,9 +272,9 @@ def write(
 
 
 def _claimed(folder: Path) -> AbstractContextManager[Path]:
-    return whole_files.claim(
-        folder, signs=["summary.json"], besides=[EXECUTED, FAILED], wait=whole_files.WAIT
-    )
+    executed = [path.name for path in folder.glob("*.ipynb*")]  # papermill begins its file first
+    besides = [EXECUTED, FAILED, *executed]
+    return whole_files.claim(folder, signs=["summary.json"], besides=besides, wait=whole_files.WAIT)
 
 
 def _check_calibration(folder: Path, stages: Iterable[str], calibration: object) -> None:

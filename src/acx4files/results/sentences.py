@@ -10,9 +10,8 @@ from acx4lib import shown
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.variance_components import Component
 from acx4lib.calibration import trajectory_errors
-from acx4lib.calibration.confirmation import Confirmation
 from acx4lib.calibration.determination import CARRIED
-from acx4lib.calibration.diagnosis import MOST, RESTS, Weak
+from acx4lib.calibration.diagnosis import MOST, RESTS, Confirmation, Weak
 from acx4lib.calibration.estimates import (
     ENOUGH,
     LIMIT_BORESIGHT_DEG,

@@ -110,7 +110,6 @@ def noncentrality(*, critical: float = CRITICAL, power: float = POWER) -> float:
         Where `critical` is not positive or `power` is no probability.
     """
     expected.positive("critical", critical)
-    expected.probability("power", power)
     return critical + statistics.norm_ppf(power)
 
 

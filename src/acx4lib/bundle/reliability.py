@@ -17,7 +17,7 @@ from acx4lib.bundle.rejections import CRITICAL, POWER, noncentrality
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera, xy_from_colrow
 from acx4lib.geometry.frames import Pose
-from acx4lib.least_squares.normal_equations import Equations, point_normals, units
+from acx4lib.least_squares.normal_equations import Equations, column_rows, point_normals
 from acx4lib.least_squares.statistics import LEAST, Group
 
 WEAK = 0.1
@@ -200,10 +200,7 @@ def _pieces(n: int) -> Iterator[slice]:
 
 def _by_columns(e: Equations, cov: Array) -> Array:
     """Return A times the covariance of its unknowns with the functions."""
-    out = np.zeros((*e.v.shape, len(cov)))
-    for rows, unit_columns, held in units(e):
-        out[rows] = e.A[rows][:, :, ~held] @ cov[:, unit_columns].T
-    return out
+    return np.asarray(column_rows(cov.shape[1], e, e.A) @ cov.T).reshape(*e.v.shape, -1)
 
 
 # --- One measured image point of an adjustment, with all terms of its equation

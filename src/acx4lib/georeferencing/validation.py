@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from acx4lib import shown
-from acx4lib.block import Block, SurveyedPoints, standing_out
+from acx4lib.block import Block, SurveyedPoints
 from acx4lib.bundle.adjust import Bundle, mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting, elsewhere
 from acx4lib.bundle.rejections import CRITICAL, Rejection, Stopped, within_limits
@@ -84,14 +84,10 @@ class Validation:
 
     def __repr__(self) -> str:
         """Describe the comparison and its fit in one line."""
-        points, pairs = (shown.count(len(differences), n) for differences, n in self._compared)
+        counts = shown.count(len(self.points), "point"), shown.count(len(self.pairs), "pair")
         rms = accuracy.from_differences(self.points.d).rms if len(self.points) else ()
         fit = f"RMS {', '.join(f'{value:.3f}' for value in rms)} m" if rms else ""
-        return shown.line(f"Validation of {self.method}", points, pairs, fit)
-
-    @property
-    def _compared(self) -> tuple[tuple[Differences, str], ...]:
-        return (self.points, "point"), (self.pairs, "pair")
+        return shown.line(f"Validation of {self.method}", *counts, fit)
 
     def table(self) -> pd.DataFrame:
         """Return mean, scatter, RMS and expected RMS of the differences, m.
@@ -99,19 +95,15 @@ class Validation:
         For pairs of images, as in Table 4, and for points from all their rays.
         """
         rows = {}
-        for differences, name in reversed(self._compared):
-            summary = accuracy.from_differences(differences.d)
-            by_sigma = (
-                np.sqrt(np.mean(differences.sigma**2, axis=0))
-                if len(differences)
-                else np.full(3, np.nan)
-            )
+        for name, of in (("pairs", self.pairs), ("points", self.points)):
+            found = accuracy.from_differences(of.d)
+            by_sigma = np.sqrt(np.mean(of.sigma**2, axis=0)) if len(of) else np.full(3, np.nan)
             for i, axis in enumerate(AXES):
-                rows[f"{name}s", axis, "m"] = {
-                    "n": summary.n,
-                    "mean": summary.mean[i],
-                    "scatter": summary.std[i],
-                    "RMS": summary.rms[i],
+                rows[name, axis, "m"] = {
+                    "n": found.n,
+                    "mean": found.mean[i],
+                    "scatter": found.std[i],
+                    "RMS": found.rms[i],
                     "expected RMS": float(by_sigma[i]),
                 }
         return shown.row_table(("of", "coordinate", "unit"), rows)
@@ -201,8 +193,7 @@ def validate(
     try:
         return _validated(block, direct.georeference(block, calibration, model), method)
     except np.linalg.LinAlgError as error:
-        where = f"the equations of the check points{standing_out(block)}"
-        raise unsolvable(str(error), where) from error
+        raise unsolvable(str(error), "the equations of the check points") from error
 
 
 def _validated(block: Block, georeferenced: Georeferenced, method: str) -> Validation:

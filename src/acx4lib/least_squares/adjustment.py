@@ -25,7 +25,7 @@ from acx4lib.least_squares.normal_equations import (
     Precision,
     Problem,
     point_normals,
-    strips,
+    point_rows,
 )
 from acx4lib.least_squares.reduced_system import Inverse
 from acx4lib.least_squares.statistics import Group, chi2_cdf, chi2_sf
@@ -177,8 +177,6 @@ def solve(
     The iteration ends where the next full step would be shorter than `tolerance`, or where
     rounding errors keep both the cost and the length of the step from decreasing any more.
     """
-    expected.whole("max_iterations", max_iterations)
-    expected.positive("tolerance", tolerance)
     with _solving():
         state, at_state, iterations = _iterate(problem, state, max_iterations, tolerance)
         precision = at_state.precision()
@@ -461,9 +459,8 @@ def elimination(problem: Problem[S], state: S, points: Index) -> tuple[Array, Ar
     equations = [of_points(e, known)[0] for e in problem.equations(state) if e.B is not None]
     free = problem.free_points[known]
     V, _ = point_normals(free, equations)
-    cov_points, gain = np.linalg.inv(V), np.zeros((len(known), 3, problem.n_columns))
-    for chunk, strip in strips(problem.n_columns, free, equations):
-        gain[chunk] = cov_points[chunk] @ strip
+    cov_points = np.linalg.inv(V)
+    gain = cov_points @ point_rows(problem.n_columns, free, equations)
     cov_points[~free] = 0.0
     return gain[back], cov_points[back]
 

@@ -21,13 +21,7 @@ def propagate(J: Array, cov: Array) -> Array:
     Returns
     -------
     ndarray, shape (..., k, k)
-
-    Raises
-    ------
-    ValueError
-        Where the shapes of the matrices do not match.
     """
-    expected.shape("J", J, (..., "k", cov.shape[-1]))
     return J @ cov @ np.swapaxes(J, -1, -2)
 
 

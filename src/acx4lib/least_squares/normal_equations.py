@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol, TypeVar
 
 import numpy as np
+from scipy import sparse
 
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares.reduced_system import Dense, Inverse, held_at_zero
@@ -173,13 +174,10 @@ class Normals(Protocol):
         ...
 
 
-# --- Normal equations, assembled unit by unit and point by point; no camera, no iteration
+# --- Normal equations of sparse rows, points eliminated; no camera, no iteration
 #
 # This is the plain version, for any problem; `bundle.compiled.normals` is for image points.
 
-
-CHUNK = 256
-"""Points eliminated at a time; bounds the memory of the dense strips."""
 
 ROUNDING = 1e-14
 """Singular value, as a share of the largest, below which there are only rounding errors."""
@@ -193,49 +191,37 @@ def cost_of(equations: Iterable[Equations]) -> float:
 
 
 def column_normals(n: int, equations: Sequence[Equations]) -> tuple[Array, Array]:
-    """Return A^T P A and A^T P v over all groups, unit by unit."""
+    """Return A^T P A and A^T P v over all groups."""
     N, g = np.zeros((n, n)), np.zeros(n)
     for e in equations:
-        if e.correlation is not None:
-            A, v = _dense_rows(n, [e])
-            N += A.T @ A
-            g += A.T @ v
-            continue
-        for rows, columns, held in units(e):
-            P = 1 / e.sigma[rows] ** 2
-            A = e.A[rows].reshape(-1, e.A.shape[2])[:, ~held]
-            PA = P.reshape(-1, 1) * A
-            N[np.ix_(columns, columns)] += A.T @ PA
-            g[columns] += PA.T @ e.v[rows].ravel()
+        A, v = _whitened(n, e)
+        N += (A.T @ A).toarray()
+        g += A.T @ v
     return N, g
 
 
-def _dense_rows(n: int, equations: Sequence[Equations]) -> tuple[Array, Array]:
-    """Return A, shape (n_rows, n), and v of all groups, whitened to unit weights."""
-    A: list[Array] = [np.zeros((0, n))]
-    v: list[Array] = [np.zeros(0)]
-    for e in equations:
-        rows = np.zeros((*e.v.shape, n + 1))
-        np.put_along_axis(rows, np.broadcast_to(e.columns[e.unit][:, None], e.A.shape), e.A, axis=2)
-        whitened: tuple[Array, Array] = (rows[:, :, :n] / e.sigma[:, :, None], e.v / e.sigma)
-        if e.correlation is not None:
-            whitened = (e.correlation.whitened(whitened[0]), e.correlation.whitened(whitened[1]))
-        A.append(whitened[0].reshape(-1, n))
-        v.append(whitened[1].ravel())
-    return np.concatenate(A), np.concatenate(v)
+def _whitened(n: int, e: Equations) -> tuple[sparse.csr_array, Array]:
+    """Return A, shape (m d, n), and v of a group, whitened to unit weights."""
+    A = column_rows(n, e, e.A / e.sigma[:, :, None])
+    v: Array = e.v / e.sigma
+    if e.correlation is None:
+        return A, v.ravel()
+    dense = e.correlation.whitened(A.toarray().reshape(*v.shape, n))
+    return sparse.csr_array(dense.reshape(v.size, n)), e.correlation.whitened(v).ravel()
 
 
-def units(e: Equations) -> Iterator[tuple[Index, Index, Mask]]:
-    """Yield each unit's rows, its free columns in the reduced system, and the mask of held ones."""
-    if e.A.shape[2] == 0:
-        return
-    order = np.argsort(e.unit, kind="stable")
-    ends = np.cumsum(np.bincount(e.unit, minlength=len(e.columns)))
-    for unit, columns in enumerate(e.columns):
-        rows = order[ends[unit - 1] if unit else 0 : ends[unit]]
-        held = columns < 0
-        if len(rows) and not held.all():
-            yield rows, columns[~held], held
+def column_rows(n: int, e: Equations, A: Array) -> sparse.csr_array:
+    """Return derivatives of a group as the rows of a matrix, shape (m d, n)."""
+    columns = np.broadcast_to(e.columns[e.unit][:, None], A.shape)
+    return _sparse(A, columns, n)
+
+
+def _sparse(values: Array, columns: Index, n: int) -> sparse.csr_array:
+    """Return a matrix of rows with entries in columns, both of shape (m, d, k); -1 is left out."""
+    m, d, _ = values.shape
+    rows = np.broadcast_to(np.arange(m * d).reshape(m, d, 1), values.shape)
+    used = columns >= 0
+    return sparse.csr_array((values[used], (rows[used], columns[used])), shape=(m * d, n))
 
 
 def point_normals(free_points: Mask, equations: Sequence[Equations]) -> tuple[Array, Array]:
@@ -245,46 +231,24 @@ def point_normals(free_points: Mask, equations: Sequence[Equations]) -> tuple[Ar
     for e in equations:
         if e.B is not None and e.point is not None:
             PB = e.B / e.sigma[:, :, None] ** 2
-            _add_by_point(V, e.point, np.swapaxes(e.B, 1, 2) @ PB)
-            _add_by_point(h, e.point, np.einsum("mdi,md->mi", PB, e.v))
+            np.add.at(V, e.point, np.swapaxes(e.B, 1, 2) @ PB)
+            np.add.at(h, e.point, np.einsum("mdi,md->mi", PB, e.v))
     V[~free_points] = np.eye(3)
     h[~free_points] = 0.0
     return V, h
 
 
-def _add_by_point(total: Array, point: Index, values: Array) -> None:
-    """Add values to their points; fast where the points come in order."""
-    if len(point) == 0:
-        return
-    if np.any(np.diff(point) < 0):
-        np.add.at(total, point, values)
-        return
-    starts = np.flatnonzero(np.diff(point, prepend=-1))
-    total[point[starts]] += np.add.reduceat(values, starts, axis=0)
-
-
-def strips(
-    n: int, free_points: Mask, equations: Sequence[Equations]
-) -> Iterator[tuple[slice, Array]]:
-    """Yield B^T P A of the points in chunks, dense, shape (points, 3, n)."""
-    products = [
-        (e, np.swapaxes(e.B, 1, 2) @ (e.A / e.sigma[:, :, None] ** 2))
-        for e in equations
-        if e.B is not None and e.point is not None and e.A.shape[2]
-    ]
-    for start in range(0, len(free_points), CHUNK):
-        chunk = slice(start, min(start + CHUNK, len(free_points)))
-        strip = np.zeros((chunk.stop - start) * 3 * (n + 1))
-        for e, product in products:
-            point = np.asarray(e.point)
-            rows = np.flatnonzero((point >= start) & (point < chunk.stop))
-            columns = np.where(e.columns < 0, n, e.columns)[e.unit[rows]]
-            coordinate = (point[rows] - start)[:, None] * 3 + np.arange(3)
-            flat = coordinate[:, :, None] * (n + 1) + columns[:, None, :]
-            strip += np.bincount(flat.ravel(), product[rows].ravel(), minlength=len(strip))
-        dense = strip.reshape(-1, 3, n + 1)[:, :, :n]
-        dense[~free_points[chunk]] = 0.0
-        yield chunk, dense
+def point_rows(n: int, free_points: Mask, equations: Sequence[Equations]) -> Array:
+    """Return B^T P A of every point, shape (n_points, 3, n); zero where a point is held."""
+    total = np.zeros((3 * len(free_points), n))
+    for e in equations:
+        if e.B is not None and e.point is not None and e.A.shape[2]:
+            coordinates = np.broadcast_to(3 * e.point[:, None, None] + np.arange(3), e.B.shape)
+            B = _sparse(e.B / e.sigma[:, :, None] ** 2, coordinates, len(total))
+            total += (B.T @ column_rows(n, e, e.A)).toarray()
+    W = total.reshape(len(free_points), 3, n)
+    W[~free_points] = 0.0
+    return W
 
 
 def gather(dx: Array, columns: Index) -> Array:
@@ -353,12 +317,15 @@ class PlainNormals:
         V, h = point_normals(self.free_points, self.equations)
         N[np.diag_indices_from(N)] += self.damping * self.diagonal
         V = V + self.damping * (V * np.eye(3))
-        for points, strip in strips(self.n_columns, self.free_points, self.equations):
-            L_inv = np.linalg.inv(np.linalg.cholesky(V[points]))
-            Z = (L_inv @ strip).reshape(3 * len(strip), -1)
-            N -= Z.T @ Z
-            g -= Z.T @ np.einsum("pij,pj->pi", L_inv, h[points]).ravel()
+        L_inv = np.linalg.inv(np.linalg.cholesky(V))
+        Z = (L_inv @ self._beside).reshape(3 * len(V), self.n_columns)
+        N -= Z.T @ Z
+        g -= Z.T @ np.einsum("pij,pj->pi", L_inv, h).ravel()
         return N, g, V, h
+
+    @cached_property
+    def _beside(self) -> Array:
+        return point_rows(self.n_columns, self.free_points, self.equations)
 
     @cached_property
     def _step(self) -> tuple[Array, Array, float]:
@@ -369,12 +336,7 @@ class PlainNormals:
         N, g, V, h = self._reduced
         V_inv = np.linalg.inv(V)
         dx = -Dense(N=N, diagonal=self._columns[0].diagonal()).solve(g)
-        cross = np.zeros_like(h)
-        for e in self.equations:
-            if e.B is not None and e.point is not None and e.A.shape[2]:
-                Adx = np.einsum("mdk,mk->md", e.A, gather(dx, e.columns)[e.unit])
-                np.add.at(cross, e.point, np.einsum("mdi,md->mi", e.B, Adx / e.sigma**2))
-        dp = -np.einsum("pij,pj->pi", V_inv, h + cross)
+        dp = -np.einsum("pij,pj->pi", V_inv, h + self._beside @ dx)
         dp[~free_points] = 0.0
         # the gradient in the full system is (g before reduction, h); g now holds g - W V^-1 h
         decrement = -float(g @ dx) + float(np.einsum("pi,pij,pj->", h, V_inv, h))
@@ -382,7 +344,9 @@ class PlainNormals:
 
     def _orthogonal_step(self) -> tuple[Array, float]:
         """Return the step without points, by singular values: normal equations square them."""
-        A, v = _dense_rows(self.n_columns, self.equations)
+        whitened = [_whitened(self.n_columns, e) for e in self.equations]
+        A = np.vstack([part.toarray() for part, _ in whitened])
+        v = np.concatenate([part for _, part in whitened])
         N, g = self._columns
         scale = 1 / np.sqrt(np.where(N.diagonal() > 0, N.diagonal(), 1.0))
         damped = np.diag(np.sqrt(self.damping * self.diagonal))
@@ -393,46 +357,37 @@ class PlainNormals:
 
     def precision(self) -> Precision:
         """Return covariances, residuals and redundancy numbers, all without damping."""
-        n, free_points = self.n_columns, self.free_points
-        N, _ = column_normals(n, self.equations)
+        N, _ = column_normals(self.n_columns, self.equations)
         diagonal = N.diagonal().copy()
-        V, _ = point_normals(free_points, self.equations)
+        V, _ = point_normals(self.free_points, self.equations)
         V_inv = np.linalg.inv(V)
-        for points, strip in strips(n, free_points, self.equations):
-            Z = (np.linalg.inv(np.linalg.cholesky(V[points])) @ strip).reshape(3 * len(strip), -1)
-            N -= Z.T @ Z
+        gain = V_inv @ self._beside  # -d(point)/d(columns)
+        V_inv[~self.free_points] = 0.0
+        Z = np.linalg.inv(np.linalg.cholesky(V)) @ self._beside
+        Z = Z.reshape(3 * len(V), self.n_columns)
+        N -= Z.T @ Z
         inverse = Dense(N=N, diagonal=diagonal).inverse()
-        explained = [
-            np.zeros_like(e.v if e.correlation is None else e.correlation.weight)
-            for e in self.equations
-        ]
-        cov_points = V_inv
-        cov_points[~free_points] = 0.0
-        for points, strip in strips(n, free_points, self.equations):
-            gain = V_inv[points] @ strip  # -d(point)/d(columns)
-            cross = -gain @ inverse.dense
-            cov_points[points] -= cross @ np.swapaxes(gain, 1, 2)
-            for e, part in zip(self.equations, explained, strict=True):
-                _add_explained_by_points(part, e, points, cross, cov_points)
-        groups = tuple(
-            e.tested(part + _of_columns(e, inverse))
-            for e, part in zip(self.equations, explained, strict=True)
+        return Precision(
+            inverse=inverse,
+            cov_points=V_inv + gain @ inverse.dense @ np.swapaxes(gain, 1, 2),
+            groups=tuple(e.tested(_explained(e, inverse, gain, V_inv)) for e in self.equations),
         )
-        return Precision(inverse=inverse, cov_points=cov_points, groups=groups)
 
 
-def _of_columns(e: Equations, inverse: Inverse) -> Array:
-    """Return the columns' part of the covariances of adjusted observations, as `Equations.tested`.
+def _explained(e: Equations, inverse: Inverse, gain: Array, cov_points: Array) -> Array:
+    """Return covariances of adjusted observations, as `Equations.tested` takes them.
 
-    Where they are correlated, those of every pair.
+    Points move by -gain dx, and have `cov_points` where the columns are known.
     """
     if e.correlation is not None:
         return of_pairs(e, inverse)
+    n = gain.shape[2]
+    A = column_rows(n, e, e.A).toarray().reshape(*e.v.shape, n)
     explained = np.zeros_like(e.v)
-    for rows, columns, held in units(e):
-        A = e.A[rows][:, :, ~held]
-        explained[rows] += np.sum((A @ inverse.dense[np.ix_(columns, columns)]) * A, axis=2)
-    return explained
+    if e.B is not None and e.point is not None:
+        A -= e.B @ gain[e.point]
+        explained += np.sum((e.B @ cov_points[e.point]) * e.B, axis=2)
+    return explained + np.sum((A @ inverse.dense) * A, axis=2)
 
 
 def of_pairs(e: Equations, inverse: Inverse) -> Array:
@@ -441,19 +396,3 @@ def of_pairs(e: Equations, inverse: Inverse) -> Array:
     i, j = e.correlation.first, e.correlation.second
     cov = held_at_zero(inverse, e.columns[i][:, :, None], e.columns[j][:, None, :])
     return np.sum((e.A[i] @ cov) * e.A[j], axis=2)
-
-
-def _add_explained_by_points(
-    total: Array, e: Equations, points: slice, cross: Array, cov_points: Array
-) -> None:
-    """Add the chunk's points' part to the variance of the adjusted observations."""
-    if e.B is None or e.point is None:
-        return
-    rows = np.flatnonzero((e.point >= points.start) & (e.point < points.stop))
-    B, point = e.B[rows], e.point[rows]
-    total[rows] += np.sum((B @ cov_points[point]) * B, axis=2)
-    if e.A.shape[2]:
-        padded = np.concatenate([cross, np.zeros((*cross.shape[:2], 1))], axis=2)
-        columns = e.columns[e.unit[rows]]
-        local = padded[(point - points.start)[:, None], :, columns]  # (rows, k, 3)
-        total[rows] += 2 * np.sum((e.A[rows] @ local) * B, axis=2)

@@ -6,7 +6,7 @@ import ctypes
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed, wait
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
 from contextlib import AbstractContextManager
 from functools import cache
 from typing import TypeVar
@@ -16,15 +16,9 @@ from threadpoolctl import ThreadpoolController
 P = TypeVar("P")
 R = TypeVar("R")
 
-_NAMES = ("blas", "blis", "lapack", "mkl", "flame")
-"""Parts of the names under which libraries of linear algebra are loaded, also through links."""
-
 TRIM_THRESHOLD, MMAP_MAX = -1, -4
 """Settings of the GNU C library that have these numbers: how much free memory at the end of the
 heap goes back to the system, and how many arrays may have memory of their own, which goes back."""
-
-GIVEN_UP = "KilledWorker"
-"""Dask's error of a call whose workers died several times."""
 
 
 def cores() -> int:
@@ -70,9 +64,6 @@ def as_finished(
 ) -> Iterator[tuple[P, Future[R]]]:
     """Yield every part with its finished call, in the order in which the calls finish.
 
-    When a worker of a Dask cluster dies, Dask also gives up the calls that waited there. These are
-    repeated at the end, one at a time.
-
     Parameters
     ----------
     executor : Executor
@@ -81,17 +72,8 @@ def as_finished(
     parts : iterable
     """
     calls = {executor.submit(function, part): part for part in parts}
-    given_up: list[P] = []
     for call in as_completed(list(calls)):
-        part = calls.pop(call)  # a cluster keeps a result only as long as it is referenced
-        if type(call.exception()).__name__ == GIVEN_UP:
-            given_up.append(part)
-        else:
-            yield part, call
-    for part in given_up:
-        call = executor.submit(function, part)
-        wait([call])
-        yield part, call
+        yield calls.pop(call), call  # a cluster keeps a result only as long as it is referenced
 
 
 def on_one_thread() -> AbstractContextManager[object]:
@@ -102,16 +84,4 @@ def on_one_thread() -> AbstractContextManager[object]:
 @cache
 def _blas(scipys: bool) -> ThreadpoolController:  # noqa: ARG001 scipy may bring a library of its own
     """Return the libraries of linear algebra in this process; looking for them takes a while."""
-    return _LinearAlgebra()
-
-
-class _LinearAlgebra(ThreadpoolController):  # type: ignore[misc] # without types
-    """The libraries of linear algebra alone.
-
-    A process has a hundred other files open, and following the links of each of their names takes
-    longer than reading compiled code.
-    """
-
-    def _make_controller_from_path(self, filepath: str) -> None:
-        if any(name in os.path.basename(filepath).lower() for name in _NAMES):  # noqa: PTH119 quick
-            super()._make_controller_from_path(filepath)
+    return ThreadpoolController()

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse, special
 
-from acx4lib import expected
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares import processors
@@ -217,7 +216,6 @@ def critical_tau(critical: float, redundancy: float) -> float:
     -----
     Pope (1976): tau^2 = r t^2 / (r - 1 + t^2), t of Student's distribution with r - 1.
     """
-    expected.positive("critical", critical)
     if redundancy <= 1:
         return np.inf
     t = t_isf(norm_sf(critical), redundancy - 1)
@@ -245,7 +243,6 @@ def holm(p: Array) -> Array:
     ndarray, shape (n,)
         Not below `p`, at most one; NaN stays.
     """
-    expected.shape("p", p, ("n",))
     order = np.argsort(p, kind="stable")  # NaN comes last
     n = int(np.isfinite(p).sum())
     ordered = p[order]
@@ -327,11 +324,6 @@ class SlowErrors:
 
     sigma: Array
     together: Array
-
-    def __post_init__(self) -> None:
-        m = len(self.sigma)
-        expected.positive("sigma", self.sigma, zero=True)
-        expected.shape("together", self.together, (m, m))
 
     def correlation(self, sigma: Array) -> Correlation:
         """Return the correlation of errors that consist of this part and white noise.

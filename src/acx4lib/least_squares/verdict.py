@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acx4lib import expected
 from acx4lib.expected import Array
 from acx4lib.least_squares.statistics import holm
 
@@ -59,9 +58,6 @@ def verdicts(p: Array, size: Array, limit: Array, *, level: float = LEVEL) -> tu
         Sizes of what is found, and from which they matter. An infinite size always matters.
     level : float
     """
-    expected.shape("size", size, p.shape)
-    expected.shape("limit", limit, p.shape)
-    expected.probability("level", level)
     return tuple(
         Verdict(state=_state(joint, large, level), p=p_, p_joint=joint, size=size_, limit=limit_)
         for p_, joint, size_, limit_, large in zip(

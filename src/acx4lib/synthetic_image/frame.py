@@ -273,8 +273,6 @@ class FlightParallax:
     ----------
     labels : tuple of str
         Names of the rows: pairs of heads, or typical bases.
-    declared : bool
-        Whether the bases are those of the heads' lever arms.
     base_m : ndarray, shape (n,)
     height_m : ndarray, shape (n_exposures,)
         Over the mean ground.
@@ -285,7 +283,6 @@ class FlightParallax:
     """
 
     labels: tuple[str, ...]
-    declared: bool
     base_m: Array
     height_m: Array
     relief_m: float
@@ -338,15 +335,6 @@ def parallax(synthetic: Camera, base_m: Array, height_m: Array, relief_m: Array)
     return Parallax(shift_px=shift, change_px=change)
 
 
-def bases(heads: Sequence[Camera]) -> Array:
-    """Return the distances of the lenses for all pairs of heads, shape (n_pairs,), m.
-
-    From the lever arms; pairs in the order of `itertools.combinations`.
-    """
-    r_b_h = [head.T_b_c.r for head in heads]
-    return np.array([np.linalg.norm(a - b) for a, b in combinations(r_b_h, 2)])
-
-
 def flight_parallax(
     block: Block, heads: Sequence[Camera], synthetic: Camera, *, ground_m: Array | None = None
 ) -> FlightParallax:
@@ -373,9 +361,9 @@ def flight_parallax(
         msg = "no control points: flying heights over the ground and its relief are not known"
         raise AdjustmentError(msg)
     labels = tuple(f"{a.name} and {b.name}" for a, b in combinations(heads, 2))
-    base_m = bases(heads)
-    declared = bool(np.any(base_m > 0))
-    if not declared:
+    r_b_h = [head.T_b_c.r for head in heads]
+    base_m = np.array([np.linalg.norm(a - b) for a, b in combinations(r_b_h, 2)])
+    if not np.any(base_m > 0):
         base_m = np.array(TYPICAL_BASES_M)
         labels = tuple(f"{base:g} m, typical" for base in base_m)
     exposures = np.unique(block.images.exposure_idx)
@@ -384,7 +372,6 @@ def flight_parallax(
     rows = [parallax(synthetic, np.full(len(height_m), b), height_m, relief) for b in base_m]
     return FlightParallax(
         labels=labels,
-        declared=declared,
         base_m=base_m,
         height_m=height_m,
         relief_m=float(relief[0]),

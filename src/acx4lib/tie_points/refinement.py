@@ -246,11 +246,6 @@ class Refined:
         text = f"beyond the noise of tie points, what exposures {differs} {why}"
         return text if np.any(turns) else ""
 
-    @property
-    def cov(self) -> Array:
-        """Covariance of Xc, Yc, Zc (mm), omega, phi, kappa (rad), (6 n_heads, 6 n_heads)."""
-        return self.orientation.cov
-
 
 # --- refinement ------------------------------------------------------------------------------
 

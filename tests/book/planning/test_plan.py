@@ -30,8 +30,6 @@ def test_an_image_has_four_fifths_of_the_next(plan):
     assert one.base_m == pytest.approx(0.2 * along_mm * 600.0 / 50.0, rel=1e-9)
     assert (one.n_exposures, one.course_deg) == (7, 40.0)
     assert flying_time_s((one,)) == pytest.approx(6 * one.base_m / 70)
-    with pytest.raises(ValueError, match="images"):
-        strip_of(camera, 600.0, 0.0, images=0)
 
 
 # --- Plans from TOML: what is read, what is wrong and where, what is written

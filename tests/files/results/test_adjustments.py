@@ -12,7 +12,7 @@ from acx4files import flight as flights
 from acx4files.results import folder as results
 from acx4files.results import read_back, tables
 from acx4files.results.read_back import mounted_block
-from acx4files.results.tables import TRANSFERRED, of_transferred
+from acx4files.results.tables import of_transferred
 from acx4files.stages import diagnosed
 from acx4lib.block import select_images
 from acx4lib.calibration import estimates, mounting
@@ -103,35 +103,17 @@ def test_the_summary_of_a_validation_counts_the_rows_of_its_tables(folder):
         assert 0.5 < entry["sigma0_squared"] < 1.7  # chi-square of some eighty observations
 
 
-def test_image_a_stands_before_image_b_in_the_images_table(flown, folder):
-    order = {name: i for i, name in enumerate(flown.validation.images.names)}
-    pairs = results.read(folder).validation
-    assert all(order[a] < order[b] for a, b in zip(pairs["image_a"], pairs["image_b"], strict=True))
-
-
 def test_a_flight_without_calibration_block_is_validated_as_given(flown, tmp_path):
     without = read_back.calibrations_for(
-        _only_validation(flown), results.read(tmp_path), flown.validation.cameras
+        replace(flown, blocks={"validation": flown.validation}),
+        results.read(tmp_path),
+        flown.validation.cameras,
     )
     assert list(without) == ["given"]
     assert without["given"].n_columns == 0
     checked = validation.validate(flown.validation, without["given"], method="given")
     # a nominal calibration is metres off, and its sigma has no part of the parameters
     assert np.sqrt(np.mean(checked.points.d**2)) > 3 * np.sqrt(np.mean(checked.points.sigma**2))
-
-
-def _only_validation(flown):
-    from dataclasses import replace  # noqa: PLC0415 used once
-
-    return replace(flown, blocks={"validation": flown.validation})
-
-
-def test_a_method_that_was_left_out_says_why_and_has_no_rows(tmp_path):
-    record = tables.not_adjusted("mounting/two_step", "no control")
-    put(tmp_path, "mounting", [record])
-    found = results.read(tmp_path)
-    assert found.summary["mounting/two_step"]["left_out"] == ["mounting/two_step: no control"]
-    assert len(found.parameters) == 0
 
 
 def test_a_wrong_focal_length_is_seen_as_a_scale_of_control_against_trajectory(flown):
@@ -224,8 +206,6 @@ def test_the_summary_says_by_what_sigma_were_multiplied(flown):
 
 
 def test_one_of_two_calibrated_cameras_can_be_validated(flown, tmp_path):
-    from dataclasses import replace  # noqa: PLC0415 used once
-
     block = flown.calibration
     (camera,) = block.cameras
     turns = np.arange(len(block.images)) % 2
@@ -269,8 +249,6 @@ def test_a_calibration_that_contradicts_its_data_is_written_but_not_validated(fl
 
 def test_a_validation_says_what_spoils_all_of_its_points(flown):
     """45 m is the undulation there: the check points orthometric, the trajectory ellipsoidal."""
-    from dataclasses import replace  # noqa: PLC0415 used once
-
     block = flown.validation
     said = estimates.given(block.cameras)
     checked = validation.validate(block, said, method="given")
@@ -331,20 +309,6 @@ def test_both_blocks_come_back_as_they_were_transferred(flight, transferred, kep
                 getattr(block.image_points, field), getattr(expected.image_points, field)
             )
         assert len(block.image_points) == len(points) > 40
-
-
-def test_the_table_has_a_row_for_every_image_and_point(flight, transferred, kept):
-    table = results.rows(results.read(kept), "synthetic_points", TRANSFERRED)
-    assert list(table) == [
-        *("block", "image", "point", "head"),
-        *("col_px", "row_px", "sigma_col_px", "sigma_row_px"),
-    ]
-    assert len(table) == sum(map(len, transferred.values()))
-    assert not table.duplicated(["block", "image", "point"]).any()
-    assert set(table["head"]) == {"LEFT", "RIGHT"}
-    assert set(table["image"]) == set(flight.calibration.trajectory.exposures)
-    entry = results.read(kept).summary[TRANSFERRED]
-    assert entry["n_left_out"] == sum(points.n_left_out for points in transferred.values())
 
 
 def test_a_block_measured_in_synthetic_images_is_taken_as_it_is(flight, tmp_path):

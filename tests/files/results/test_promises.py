@@ -212,6 +212,7 @@ def test_a_summary_of_others_is_left_alone(flight_path, tmp_path):
 def test_a_folder_with_executed_notebooks_is_that_of_their_results(flight_path, tmp_path):
     """As papermill leaves it, before the notebook writes."""
     (tmp_path / "notebooks").mkdir()
+    (tmp_path / "03.ipynb").touch()
     write(reader.read(flight_path), tmp_path, 1.0)
     assert value_of(tmp_path, "mounting") == 1.0
     (tmp_path / "mine.txt").write_text("mine")

@@ -1,7 +1,5 @@
 """The stages one after the other on a flight, without notebooks and without the book."""
 
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -19,8 +17,6 @@ from acx4lib.errors import FlightError
 from acx4lib.georeferencing.validation import validate
 from support.flights import in_heads
 from support.flights.simulated import HEADS
-
-NEEDLESS = ("acx4book", "acx4sim", "matplotlib", "papermill", "nbformat")
 
 
 @pytest.fixture(scope="module")
@@ -185,13 +181,3 @@ def test_without_the_heads_block_there_is_nothing_to_carry_by(flown, flight):
         assert "is measured in heads" in order.missing(bare, stage)
         assert order.missing(flown, stage) == ""
     assert order.is_end(flight, "synthetic")
-
-
-def test_the_stages_need_neither_the_book_nor_plotting():
-    code = (
-        "import sys; "
-        "from acx4files.stages import heads, mounting, order, rig, synthetic, validation;"
-        f"print(*sorted({set(NEEDLESS)!r} & set(sys.modules)))"
-    )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == ""

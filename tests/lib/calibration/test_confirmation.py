@@ -9,8 +9,8 @@ from scipy import stats
 
 from acx4files.results import sentences
 from acx4lib.bundle.unknowns import layout
-from acx4lib.calibration.confirmation import ALPHA, confirmations
 from acx4lib.calibration.determination import nested_f_ratio
+from acx4lib.calibration.diagnosis import ALPHA, confirmations
 from acx4lib.calibration.estimates import Calibration, group_tests
 from acx4lib.calibration.mounting import single_step
 from acx4lib.geometry.camera import Interior

@@ -267,11 +267,6 @@ def test_the_level_holds_for_correlated_tests(rng):
         assert alarms < level + 4 * np.sqrt(level * (1 - level) / n)
 
 
-def test_only_a_row_of_probabilities_is_taken():
-    with pytest.raises(ValueError, match=r"p: expected shape \(n,\)"):
-        holm(np.zeros((2, 2)))
-
-
 # --- The same values as SciPy's distributions, to the last bit
 
 

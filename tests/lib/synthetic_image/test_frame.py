@@ -266,7 +266,6 @@ def test_a_flights_shifts_follow_from_its_lever_arms_and_heights(block):
     found = flight_parallax(block, HEADS, PARALLAX_SYNTHETIC)
     ground = block.control.x_m[:, 2]
     z = block.trajectory.T_m_b.r[:, 2]
-    assert found.declared
     assert found.labels == ("A and B", "A and C", "B and C")
     assert_allclose(found.height_m, z - ground.mean())
     assert found.relief_m == pytest.approx(ground.max() - ground.mean())
@@ -279,7 +278,6 @@ def test_a_flights_shifts_follow_from_its_lever_arms_and_heights(block):
 
 def test_undeclared_lever_arms_are_replaced_by_typical_bases(block):
     found = flight_parallax(block, [HEADS[0], head("B", 0.0, 0.0, 0.0)], PARALLAX_SYNTHETIC)
-    assert not found.declared
     assert_allclose(found.base_m, TYPICAL_BASES_M)
     assert found.labels == ("0.1 m, typical", "0.3 m, typical")
 

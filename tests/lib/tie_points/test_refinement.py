@@ -272,7 +272,7 @@ def test_an_error_before_the_refinement_is_carried_through_it(exact, i, sigma):
     angles = np.concatenate([6 * k + np.arange(3, 6) for k in (1, 2, 3)])
     covered = np.outer(effect, effect)
     assert_allclose(
-        found.cov[np.ix_(angles, angles)],
+        found.orientation.cov[np.ix_(angles, angles)],
         covered,
         atol=2e-4 * np.max(covered) + 1e-18,  # ties without noise have a trace of it
     )

@@ -393,7 +393,7 @@ _TRACK_ELEMENT = np.dtype("V8")
 
 
 class _Values:
-    """Values of a binary file one after another; a `struct.error` or ValueError at its end."""
+    """Values of a binary file one after another; at its end an error of struct or a ValueError."""
 
     def __init__(self, source: Opened) -> None:
         self.data, self.at = source.data, 0

@@ -178,20 +178,13 @@ def _version(root: Element) -> str:
 def _rig(root: Element, sensors: Mapping[str, object]) -> tuple[dict[str, int], tuple[str, ...]]:
     """Count the parts of a chunk that a flight cannot have; return a sentence on slaves, too."""
     elements = list(root.each("sensors/sensor"))
-    slaves = [sensor for sensor in elements if "master_id" in sensor.attrib]
-    used = [
-        one for one in slaves if one.get("id") in sensors and one.get("id") != one.get("master_id")
+    slaves = [
+        one.get("id") for one in elements if one.get("master_id", one.get("id")) != one.get("id")
     ]
+    used = [i for i in slaves if i in sensors]
     tags = ("location", "translation", "rolling_shutter", "antenna")
-    odd = {
-        "further frames": max(0, len(list(root.each("frames/frame"))) - 1),
-        "offsets of sensors (of slaves, antennas, shutters): lever arms stay 0": sum(
-            sensor.maybe(tag) is not None for sensor in elements for tag in tags
-        ),
-        "slaves have no rotation: their mountings are the master's": sum(
-            slave.maybe("rotation") is None for slave in slaves
-        ),
-    }
+    n = sum(sensor.maybe(tag) is not None for sensor in elements for tag in tags)
+    odd = {"offsets of sensors (of slaves, antennas, shutters): lever arms stay 0": n}
     said = f"{len(used)} sensors are slaves of a rig; their mountings are relative to the master"
     return odd, (said,) if used else ()
 
@@ -516,30 +509,23 @@ def _measured(chunk: _Chunk, flown: Mapping[str, Element], system: Chosen | None
         names = "lat_deg lon_deg height_m roll_deg pitch_deg heading_deg"
         values = np.column_stack([lonlath[:, [1, 0, 2]], roll, pitch, yaw])
         table = {"exposure": list(rows), **project.columns(names, values)}
-    sigmas, whose = _sigmas(chunk, references)
     said = (
         f"Yaw is the heading, clockwise from {north}, pitch is positive with the top of the image "
         "up, roll with its right side down; positions are those of the camera"
     )
     return Trajectory(
-        table=table | sigmas, assumed=(*of_positions, said, *whose), left_out=left_out
+        table=table | _sigmas(chunk, references), assumed=(*of_positions, said), left_out=left_out
     )
 
 
-def _sigmas(
-    chunk: _Chunk, references: Sequence[Element]
-) -> tuple[dict[str, list[float]], tuple[str, ...]]:
-    """Return columns of the references' accuracies, or else those of the chunk, and whose they are.
-
-    A sentence says of how many references they are where not all have one.
-    """
+def _sigmas(chunk: _Chunk, references: Sequence[Element]) -> dict[str, list[float]]:
+    """Return columns of the references' accuracies, or else those of the chunk."""
     kinds = (
-        ("positions", LOCATION, ("east_m", "north_m", "height_m"), "accuracy_cameras"),
-        ("attitudes", ANGLES, ("heading_deg", "pitch_deg", "roll_deg"), "accuracy_cameras_ypr"),
+        (LOCATION, ("east_m", "north_m", "height_m"), "accuracy_cameras"),
+        (ANGLES, ("heading_deg", "pitch_deg", "roll_deg"), "accuracy_cameras_ypr"),
     )
     columns: dict[str, list[float]] = {}
-    whose = []
-    for kind, names, units, common in kinds:
+    for names, units, common in kinds:
         sigma = np.array([_accuracy(reference, names) for reference in references])
         lacking = np.isnan(sigma)
         if lacking.all():
@@ -548,12 +534,9 @@ def _sigmas(
             bare = references[int(np.flatnonzero(lacking.any(axis=1))[0])]
             expected = f"others have one; or {common} is needed"
             raise bare.wrong(f"has no accuracy of {', '.join(names)}", expected)
-        if n := int((~lacking.any(axis=1)).sum()) % len(references):
-            said = f"{n} of {len(references)} {kind} have an accuracy of their own"
-            whose.append(f"{said}; others have the chunk's")
         sigma[lacking] = chunk.settings.get(common, np.nan)
         columns |= {f"sigma_{u}": v for u, v in zip(units, sigma.T.tolist(), strict=True)}
-    return columns, tuple(whose)
+    return columns
 
 
 def _geographic(chunk: _Chunk, xyh: Array, system: Chosen) -> tuple[Array, tuple[str, ...]]:

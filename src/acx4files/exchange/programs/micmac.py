@@ -1,20 +1,15 @@
-"""MicMac's XML of versions 1 and 2 (MMVII): orientations, calibrations, measured, surveyed points.
+"""MicMac's XML: orientations, calibrations, measured and surveyed points.
 
-Pixels count from the centre of the top-left one; cameras have x right, y down, z ahead. In version
-1 focal length, principal point and distortion are in pixels. With `eConvApero_DistM2C` the
-distortion takes the ideal pixel to the measured one; the points under `Verif` in MicMac's own
-orientations confirm this to 1e-9 px.
-
-Of version 2 the formulas are as its source has them: a direction is projected to a point p of the
-plane, in units of F; with r² = x² + y² the distortion is p (1 + K1 r² + K2 r⁴ + ...)
-+ p1 (3x² + y², 2xy) + p2 (2xy, x² + 3y²) + (b1 x + b2 y, 0); the pixel is PP + F p. AxeI, AxeJ,
-AxeK are the camera's axes in the world.
+Pixels count from the centre of the top-left one; cameras have x right, y down, z ahead. Focal
+length, principal point and distortion are in pixels. With `eConvApero_DistM2C` the distortion takes
+the ideal pixel to the measured one; the points under `Verif` in MicMac's own orientations confirm
+this to 1e-9 px.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -32,24 +27,15 @@ from acx4lib.expected import Array
 from acx4lib.geometry.frames import Pose
 
 KNOWN = "eConvApero_DistM2C"
-"""The convention of all files that version 1 writes itself."""
+"""The convention of all files that MicMac writes itself."""
 
 MODELS = ("ModNoDist", "ModRad", "ModPhgrStd")
-"""Distortion models of version 1 that are read; others are refused by name."""
+"""Distortion models that are read; others are refused by name."""
 
-ORIENTATION, CALIBRATION = "Ori-PerspCentral-", "Calib-PerspCentral-"
-"""Beginnings of the names of files of version 2."""
-
-KINDS = {
-    "CameraPose": "NameImage",
-    "InternalCalibration": "PerfectProj",
-    "SetMesIm": "NameIm",
-    "SetGCP": "NameSet",
-}
-"""Elements with the content of a file of version 2, and a part of each: early files lack them."""
+SECOND = ("MMVII-PhgrProj", "Ori-PerspCentral-", "Calib-PerspCentral-")
+"""Beginnings of the names of folders and files of version 2 (MMVII), which is not read."""
 
 FOCAL = Range(1.0, 1e7, "must be a focal length in pixels")
-COEFFICIENT = Range(-1e6, 1e6)
 ENTRY = Range(-2.0, 2.0, "must be an entry of a rotation")
 
 SHOWN = 5
@@ -57,22 +43,11 @@ SHOWN = 5
 
 PIXEL = "pixel 0, 0 is taken as the centre of the top-left one: no file says it"
 
-NAME = ("MicMac", "MicMac, version 2")
-WANTED = (
-    "Ori-*/Orientation-*.xml, measures or surveyed points of MicMac",
-    f"{ORIENTATION}*.xml or {CALIBRATION}*.xml",
-)
 ASSUMED = (
     f"{KNOWN}: the matrix takes camera to object axes, x right, y down, z ahead; the "
-    "distortion takes ideal pixels to measured ones",
-    "AxeI, AxeJ, AxeK are the camera's axes in the world, x right, y down, z ahead; the "
-    "distortion takes ideal points to measured ones",
+    "distortion takes ideal pixels to measured ones"
 )
-PRECISION = (
-    "Incertitude of a surveyed point is its standard deviation in metres",
-    "Sigma2 of a surveyed point has its variances in m²",
-)
-"""Names and sentences of versions 1 and 2."""
+PRECISION = "Incertitude of a surveyed point is its standard deviation in metres"
 
 
 @dataclass(kw_only=True)
@@ -112,12 +87,12 @@ def read_project(
     crs: options.CrsOfFiles = None,
     orientations: options.AsAdjusted = "none",
 ) -> Project:
-    """Read MicMac's XML, version 1 or 2: calibration, orientations, measured, surveyed points.
+    """Read MicMac's XML: calibration, orientations, measured and surveyed points.
 
     SOURCE is the folder that holds Ori-* and the points (SetOfMesureAppuisFlottants,
     DicoAppuisFlottant), one of several Ori-* in it, or one of these files. Distortion models
-    ModRad, ModPhgrStd and ModNoDist are read; others, fisheyes among them, are refused by name. Of
-    version 2 (MMVII) it is the folder with MMVII-PhgrProj, or one of Ori/* in that.
+    ModRad, ModPhgrStd and ModNoDist are read; others, fisheyes among them, are refused by name, and
+    so are files of version 2 (MMVII).
 
     Examples
     --------
@@ -129,8 +104,7 @@ def read_project(
     FlightError
         For files that are not MicMac's, other conventions, projections or distortion models.
     """
-    second = _is_second(source)
-    content = _content(source, second=second)
+    content = _content(source)
     cameras = {name: _camera(name) for name in content.lenses}
     names = tuple(dict.fromkeys([*content.poses, *(image for image, _ in content.seen)]))
     row_of = {image: row for row, image in enumerate(names)}
@@ -156,7 +130,7 @@ def read_project(
     on_map = f"MicMac's coordinates are east, north, height in {where}: its files do not say it"
     surveyed = np.array([*content.places.values()]).reshape(-1, 2, 3)
     return Project(
-        source=NAME[second],
+        source="MicMac",
         sources=content.read,
         lenses={cameras[name]: lens for name, lens in content.lenses.items()},
         images=Images.of(
@@ -177,25 +151,28 @@ def read_project(
             f"{ties}: {', '.join(unknown[:SHOWN])}": len(unknown) if content.places else 0,
             f"surveyed points are measured in no image: {', '.join(unseen[:SHOWN])}": len(unseen),
         },
-        assumed=(ASSUMED[second], PIXEL, *((on_map, PRECISION[second]) if len(surveyed) else ())),
+        assumed=(ASSUMED, PIXEL, *((on_map, PRECISION) if len(surveyed) else ())),
     )
 
 
 read = project.reader(read_project)
 
 
-def _content(source: Path, *, second: bool) -> _Content:
+def _content(source: Path) -> _Content:
     """Return the content of MicMac's files at a path: a folder, or one file."""
-    content, paths_of = _Content(), _second_paths if second else _first_paths
-    for path in paths_of(source) if source.is_dir() else [source]:
+    content = _Content()
+    for path in _paths(source) if source.is_dir() else [source]:
+        if path.name.startswith(SECOND):
+            expected = "must be MicMac's first version; write COLMAP's form in place of it"
+            raise safe.refusal(str(path), 1, "file", "is of version 2 (MMVII)", expected)
         file = safe.read(path)
         root = safe.xml_tree(file)
-        if _take_second(content, root) if second else _take_first(content, path, root):
+        if _take(content, path, root):
             content.read.append(file)
         else:
             content.others += 1
     if not content.read:
-        expected = f"must hold {WANTED[second]}"
+        expected = "must hold Ori-*/Orientation-*.xml, measures or surveyed points of MicMac"
         raise safe.refusal(str(source), 1, "file", "has no XML of MicMac", expected)
     return content
 
@@ -208,8 +185,7 @@ def _require_one(source: Path, names: list[str]) -> None:
 
 
 def _camera(calibration: str) -> str:
-    name = calibration.removesuffix(".xml").removeprefix("AutoCal_")
-    return name.removeprefix(CALIBRATION)
+    return calibration.removesuffix(".xml").removeprefix("AutoCal_")
 
 
 def _rotation(element: Element, *tags: str) -> Array:
@@ -220,11 +196,9 @@ def _rotation(element: Element, *tags: str) -> Array:
     return R
 
 
-# --- Version 1
-
-
-def _first_paths(source: Path) -> Iterator[Path]:
+def _paths(source: Path) -> Iterator[Path]:
     """Yield the XML files of a folder and of its Ori-*, or of an Ori-* and the folder around."""
+    yield from sorted(source.glob("MMVII-PhgrProj"))
     inside = [inner for inner in sorted(source.glob("Ori-*")) if inner.is_dir()]
     oriented = [inner for inner in inside if next(inner.glob("Orientation-*.xml"), None)]
     _require_one(source, [inner.name for inner in oriented])
@@ -233,14 +207,14 @@ def _first_paths(source: Path) -> Iterator[Path]:
         yield from sorted(folder.glob("*.xml"))
 
 
-def _take_first(content: _Content, path: Path, root: Element) -> bool:
+def _take(content: _Content, path: Path, root: Element) -> bool:
     """Add what a file says; return False where it is of another kind."""
     image, is_known = re.fullmatch(r"Orientation-(.+)\.xml", path.name), False
     for element in root.each("*") if root.tag in ("ExportAPERO", "Global") else [root]:
         if element.tag == "OrientationConique" and image:
             _take_orientation(content, image[1], element)
         elif element.tag == "CalibrationInternConique" and path.name not in content.lenses:
-            content.lenses[path.name] = _first_lens(element)
+            content.lenses[path.name] = _lens(element)
         elif element.tag == "SetOfMesureAppuisFlottants":
             _take_measures(content, element)
         elif element.tag == "DicoAppuisFlottant":
@@ -295,7 +269,7 @@ def _require_plain(element: Element, *tags: str) -> None:
                 raise affine.wrong("turns or scales pixels", "must leave them as they are")
 
 
-def _first_lens(root: Element) -> Lens:
+def _lens(root: Element) -> Lens:
     """Return the camera of an AutoCal*.xml."""
     _require(root.maybe("KnownConv"), KNOWN)
     _require_plain(root, "OrIntGlob", "OrIntImaM2C")
@@ -352,107 +326,3 @@ def _term(distortion: Element) -> tuple[Array, dict[str, float], list[float]]:
     )
     values = {f"k{n}": value for n, value in enumerate(k, start=1)} | {"u": p2, "v": p1}
     return radial.one("CDist").numbers(2), values, [b1, b2]
-
-
-# --- Version 2
-
-
-def _is_second(source: Path) -> bool:
-    """Tell whether a path is of version 2: one of its files, or a folder around them."""
-    if not source.is_dir():
-        return source.name.startswith((ORIENTATION, CALIBRATION))
-    inside = (source.glob(f"{begin}*.xml") for begin in (ORIENTATION, CALIBRATION))
-    return any(next(matches, None) for matches in inside) or any(
-        (source / name).is_dir() for name in ("MMVII-PhgrProj", "Ori")
-    )
-
-
-def _second_paths(source: Path) -> Iterable[Path]:
-    """Return the XML files of one folder of orientations, and of the points of its project."""
-    oriented = sorted({path.parent for path in source.rglob(f"{ORIENTATION}*.xml")})
-    _require_one(source, [str(place.relative_to(source)) for place in oriented])
-    folder = oriented[0] if oriented else source
-    paths = sorted(folder.glob("*.xml"))
-    if folder.parent.name == "Ori":
-        rest = (place for place in sorted(folder.parent.parent.iterdir()) if place.name != "Ori")
-        paths += [path for place in rest for path in sorted(place.rglob("Mes*.xml"))]
-    return paths
-
-
-def _take_second(content: _Content, root: Element) -> bool:
-    """Add what a file says; return False where it is of another kind."""
-    for kind, part in KINDS.items():
-        around = (root.maybe(f"Data/{kind}"), root.maybe(kind), root.maybe("Data"), root)
-        element = next(one for one in around if one is not None)
-        if element.maybe(part) is not None:
-            break
-    else:
-        return False
-    if kind == "CameraPose":
-        R_v_w = _rotation(element.one("RotMatrix"), "AxeI", "AxeJ", "AxeK")
-        named, r = element.one("NameInternalCalib"), element.one("Center").numbers(3, METRES)
-        pose = Pose(R=coordinates.nearest_rotation(R_v_w.T) @ FLIP, r=r)
-        content.poses[_text(element.one("NameImage"))] = (pose, named, _text(named))
-    elif kind == "InternalCalibration":
-        content.lenses[_text(element.one("Name"))] = _second_lens(element)
-    for point in element.each("Measures/el"):
-        name, place = _text(point.one("Name")), point.one("Pt")
-        if kind == "SetMesIm":
-            content.see(place, _text(element.one("NameIm")), name)
-        else:
-            content.survey(place, name, _sigma(point))
-    return True
-
-
-def _sigma(point: Element) -> Array:
-    """Return the sigma of a surveyed point, m; NaN where it has none."""
-    sigma = project.NOWHERE
-    for given in (child for child in point.each("*") if child.tag.endswith("Sigma2")):
-        variances = given.numbers(6)[[0, 3, 5]]
-        if (variances < 0).any():
-            raise given.wrong(quoted(given.content), "must have variances xx xy xz yy yz zz")
-        sigma = np.sqrt(variances)
-    return sigma
-
-
-def _text(element: Element) -> str:
-    """Return a text without the quotation marks of version 2."""
-    return re.sub(r'^"(.*)"$', r"\1", element.content, flags=re.DOTALL)
-
-
-def _second_lens(root: Element) -> Lens:
-    """Return the camera of a calibration."""
-    projection = root.one("Projection")
-    if _text(projection) != "Stenope":
-        raise projection.wrong(quoted(_text(projection)), "must be Stenope, the plane one")
-    width, height = root.one("PixelFrame/NbPix").numbers(2, RANGES["width_px"]).tolist()
-    f = root.one("PerfectProj/F").number("", FOCAL)
-    cx, cy = root.one("PerfectProj/PP").numbers(2).tolist()
-    known = {"p1": "v", "p2": "u", **{f"K{i}": f"k{i}" for i in range(1, 7)}}
-    mode = root.maybe("Auxiliary/IsFraserMode")
-    if mode is None or mode.content != "0":  # else the terms of degree 1 are others
-        known |= {"b1": "b1", "b2": "b2"}
-    values: dict[str, float] = {}
-    for element in root.one("Distorsion").each("*/*"):
-        value = element.number("", COEFFICIENT)
-        if element.tag in known:
-            values[known[element.tag]] = value
-        elif value:
-            expected = "must be 0; K1 to K6, p1, p2, b1, b2 are read"
-            raise element.wrong(f"{value:g}", expected)
-    b1, b2 = values.pop("b1", 0.0), values.pop("b2", 0.0)
-    plain = Pinhole(fx=f, fy=f, cx=cx, cy=cy)
-    hole = replace(plain, fx=f * (1 + b1), skew=f * b2)
-
-    def distorted(points: Array) -> Array:
-        moved = points + lens.effects(points, values)
-        moved[:, 0] += points @ [b1, b2]
-        return hole.points(plain.colrow(moved))
-
-    return Lens(
-        width_px=int(width),
-        height_px=int(height),
-        hole=hole,
-        distortion=distorted,
-        wrong=root.wrong,
-    )

@@ -74,7 +74,6 @@ PROGRAMS = {
     "opf tracks": (lambda folder: written_opf.write(folder, tracks=True), opf.read, ""),
     "opensfm": (write_opensfm, opensfm.read, ""),
     "micmac": (written_micmac.write, micmac.read, ""),
-    "mmvii": (written_micmac.mmvii_write, micmac.read, ""),
     "pix4d": (written_pix4d.write, pix4d.read, ""),
     "bingo": (write_bingo, lambda path: photo_lists.read_bingo(path, **SIZED), ""),
     "patb": (
@@ -89,8 +88,6 @@ PROGRAMS = {
 DOWN = "Ori-A/Orientation-a.JPG.xml"
 AUTOCAL = "Ori-A/AutoCal_C.xml"
 GLTF = "points/sparse.gltf"
-CALIB = "MMVII-PhgrProj/Ori/A/Calib-PerspCentral-C.xml"
-POSE = "MMVII-PhgrProj/Ori/A/Ori-PerspCentral-a.JPG.xml"
 PARAMS = "p_calibrated_camera_parameters.txt"
 EXTERNAL = "p_calibrated_external_camera_parameters.txt"
 
@@ -172,15 +169,6 @@ ROWS = [
     ("micmac", AUTOCAL, "<F>1000</F>", "<F>-5</F>", "F: '-5'; must be a focal length in pixels"),
     ("micmac", "measured.xml", "<NamePt>T<", "<NamePt>P<", "'P' stands twice in 'a.JPG'"),
     ("micmac", "points.xml", "<Pt>10 20 0", "<Pt>10 20 nan", "Pt: '10 20 nan'; must be 3 numbers"),
-    ("mmvii", CALIB, '"Stenope"', '"EquiRect"', "Projection: 'EquiRect'; must be Stenope, the"),
-    ("mmvii", CALIB, "<b2>", "<y2>1</y2><b2>", "y2: 1; must be 0; K1 to K6, p1, p2, b1, b2 are"),
-    (
-        "mmvii",
-        POSE,
-        "Central-C",
-        "Central-D",
-        "'Calib-PerspCentral-D' is not there; must be beside",
-    ),
     ("pix4d", PARAMS, "camera matrix K [3x3]", "fisheye", ":2: head: 'fisheye'; must be 'camera m"),
     ("pix4d", PARAMS, "one.jpg", "two.jpg", "image: 'two.jpg' is there twice; must be once"),
     ("pix4d", EXTERNAL, "one.jpg 67", "one.jpg 68", "'one.jpg' is off by 1e+04 m and"),
@@ -206,7 +194,7 @@ ROWS = [
 def test_what_is_wrong_is_told_with_its_place(tmp_path, program, file, old, new, message):
     write, read, given = PROGRAMS[program]
     folder = tmp_path / "p"
-    if program not in ("opf", "opf adjusted", "opf tracks", "micmac", "mmvii"):
+    if program not in ("opf", "opf adjusted", "opf tracks", "micmac"):
         folder.mkdir()
     write(folder)
     path = folder / file

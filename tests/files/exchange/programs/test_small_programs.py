@@ -8,42 +8,16 @@ from acx4book.reference import data
 from acx4files.exchange.programs import micmac, opensfm, photo_lists, pix4d
 from acx4lib.errors import FlightError
 from support.helpers import needs
-from support.projects import micmac as written_micmac
 from support.projects import pix4d as written_pix4d
 from support.projects import scene
 
-# --- micMac's version 2: points and lenses are where the formulas of its source have them ----
+# --- MicMac's version 2 is named, and not read
 
 
-IDEAL = np.array([[0.0, 0.0], [0.4, -0.3], [-0.45, 0.35], [0.1, 0.2]])
-
-
-def test_a_lens_is_that_of_the_formulas(tmp_path):
-    lens = micmac.read_project(written_micmac.mmvii_write(tmp_path)).lenses["C"]
-    assert_allclose(lens.colrow(IDEAL), written_micmac.mmvii_seen(IDEAL), atol=1e-9)
-    assert_allclose(lens.ideal(written_micmac.mmvii_seen(IDEAL)), IDEAL, atol=1e-9)
-
-
-def test_surveyed_points_prove_the_import(tmp_path):
-    brought = micmac.read(
-        written_micmac.mmvii_write(tmp_path), orientations="adjusted", crs="EPSG:31982"
-    )
-    said = next(one for one in brought.found if one.startswith("surveyed points are"))
-    assert float(said.split(" px rms")[0].split()[-1]) < 0.01  # what the refit leaves
-    assert brought.source == "MicMac, version 2"
-    assert brought.tables["control_points.csv"]["sigma_height_m"] == [0.02, 0.02, 0.02]
-    assert brought.tables["calibration/trajectory.csv"]["kappa_deg"] == [0.0]
-    assert_allclose(brought.settings["cameras"]["C"]["b2"], -4e-4 / (1 + 3e-4), rtol=1e-3)
-
-
-def test_early_versions_leave_out_the_elements_around(tmp_path):
-    known = micmac.read(written_micmac.mmvii_write(tmp_path)).tables
-    for path in tmp_path.rglob("*.xml"):
-        text = path.read_text()
-        for tag in ("Data", "CameraPose", "InternalCalibration", "SetMesIm", "SetGCP"):
-            text = text.replace(f"<{tag}>", "").replace(f"</{tag}>", "")
-        path.write_text(text)
-    assert micmac.read(tmp_path).tables == known
+def test_files_of_version_2_are_refused_by_name(tmp_path):
+    (tmp_path / "MMVII-PhgrProj").mkdir()
+    with pytest.raises(FlightError, match=r"MMVII-PhgrProj:1: file: is of version 2 \(MMVII\)"):
+        micmac.read(tmp_path)
 
 
 # --- pix4d -----------------------------------------------------------------------------------
