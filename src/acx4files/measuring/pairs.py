@@ -289,7 +289,7 @@ def laid_patches(a: View, b: View, surface: Surface, at: Index, side: int) -> Pa
     nodes = nodes.reshape(len(at), k, k, 2)
     scale = _scales(nodes, side)
     out = np.full((len(at), side, side), np.nan, np.float32)
-    for i in np.flatnonzero(np.isfinite(scale)):
+    for i in np.flatnonzero(np.isfinite(nodes).all(axis=(1, 2, 3))):
         _lay(image, nodes[i], float(scale[i]), out[i])
     return Patches(grey=out.reshape(-1, side), side=side, scale=scale, nodes=nodes)
 
