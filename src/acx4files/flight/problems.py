@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
+from pathlib import Path
 
 from acx4lib.errors import visible
 from acx4lib.expected import Index
@@ -65,6 +66,15 @@ class Problem:
 
     def __str__(self) -> str:
         return visible(f"{self.place}: {self.column}: {self.found}; {self.expected}")
+
+
+def whole(of: str | Path, column: str, fault: str, cure: str) -> Problem:
+    """Return a problem of a folder, or of a table in memory, as a whole."""
+    in_memory = isinstance(of, str)
+    line = -1 if in_memory else 1
+    return Problem(
+        file=str(of), line=line, column=column, found=fault, expected=cure, in_memory=in_memory
+    )
 
 
 def counted(rows: Sequence[int] | Index, problem: Callable[[int], Problem]) -> Iterator[Problem]:

@@ -37,6 +37,7 @@ from acx4files.flight.problems import (
     lines_of,
     quoted,
     same_but_for_writing,
+    whole,
 )
 from acx4files.flight.settings import KNOWN, Setup, flight_table, setup_of
 from acx4files.flight.table_files import Columns, named_file, table_in_memory
@@ -168,10 +169,10 @@ def read(path: str | Path, *, pictures: str | Path = "") -> Flight:
     folder = Path(path)
     if not os.path.isdir(folder):  # noqa: PTH112 no error for a name that no file can have
         cure = "must be the folder of a flight, with a flight.toml"
-        raise FlightError(lines_of([_whole(folder, "folder", "is no folder", cure)]))
+        raise FlightError(lines_of([whole(folder, "folder", "is no folder", cure)]))
     toml, blocks = read_toml(folder / "flight.toml"), _read_blocks(folder, Path(pictures or path))
     others = [
-        _whole(folder / name, "folder", "is no folder", "must be the folder of a block")
+        whole(folder / name, "folder", "is no folder", "must be the folder of a block")
         for name in BLOCKS
         if os.path.lexists(folder / name) and not (folder / name).is_dir()
     ]
@@ -183,7 +184,7 @@ def read(path: str | Path, *, pictures: str | Path = "") -> Flight:
     if not blocks:
         stray = "".join(f" ({name} is in none)" for name in strays)
         cure = f"needs at least one of the folders {', '.join(f'{name}/' for name in BLOCKS)}"
-        others.insert(0, _whole(folder, "folder", f"no block at all{stray}", cure))
+        others.insert(0, whole(folder, "folder", f"no block at all{stray}", cure))
     notes = [f"{name} is in no block and is not read" for name in strays]
     notes += [
         f"{table.relative_to(folder)} is not read: distances are no observations any more"
@@ -242,7 +243,7 @@ def read_kept(path: str | Path) -> Flight:
     """
     folder = Path(path)
     toml, blocks = read_toml(folder / "flight.toml"), _read_blocks(folder, folder)
-    none = [] if blocks else [_whole(folder, "folder", "no block at all", "needs one at least")]
+    none = [] if blocks else [whole(folder, "folder", "no block at all", "needs one at least")]
     return checked(toml, blocks, problems=none, kept=True)
 
 
@@ -259,15 +260,6 @@ def table_files(flight: Flight) -> list[Path]:
 
 def _read_blocks(folder: Path, pictures: Path) -> list[BlockTables]:
     return [read_block(folder, n, pictures=pictures) for n in BLOCKS if (folder / n).is_dir()]
-
-
-def _whole(of: str | Path, column: str, fault: str, cure: str) -> Problem:
-    """Return a problem of a folder, or of a table in memory, as a whole."""
-    in_memory = isinstance(of, str)
-    line = -1 if in_memory else 1
-    return Problem(
-        file=str(of), line=line, column=column, found=fault, expected=cure, in_memory=in_memory
-    )
 
 
 def _flight(
@@ -360,7 +352,7 @@ def _notes(tables: BlockTables) -> Iterator[str]:
     few = [name for name, n in count.items() if n < orienting and tables.name != "validation"]
     single = [name for name in ties if tables.rays[name] == 1]
     unused, lost = ~used_exposures(tables), ~measured_control(tables)
-    pairs = same_but_for_writing([surveyed[row] for row in np.flatnonzero(lost)], ties)
+    pairs = same_but_for_writing([surveyed[row] for row in np.flatnonzero(lost).tolist()], ties)
     written = _some([f"{name!r} as {other!r}" for name, other in pairs.items()])
     of_images = f"of {len(tables.images)} images have"
     of_control = f"of {len(lost)} control points"
@@ -453,21 +445,21 @@ def from_tables(
 def _missing(blocks: Mapping[str, Tables], settings: object) -> Iterator[Problem]:
     """Yield missing blocks, and blocks and tables of a wrong type or name."""
     if not isinstance(settings, Mapping):
-        yield _whole("settings", "settings", f"is {kind_of(settings)}", "must be a dict")
+        yield whole("settings", "settings", f"is {kind_of(settings)}", "must be a dict")
     if not blocks:
         cure = "must have one at least: heads, calibration or validation"
-        yield _whole("flight", "blocks", "no block at all", cure)
+        yield whole("flight", "blocks", "no block at all", cure)
     known = (*TABLES, CONTROL)
     for block, tables in blocks.items():
         if not isinstance(tables, Mapping):
             cure = f"must be a dict of the tables {', '.join(TABLES)}"
-            yield _whole(block, "tables", f"is {kind_of(tables)}", cure)
+            yield whole(block, "tables", f"is {kind_of(tables)}", cure)
             continue
         for table in (table for table in tables if table not in known):
             fault = f"unknown table{did_you_mean(table, known)}"
-            yield _whole(block, str(table), fault, f"must be one of {', '.join(known)}")
+            yield whole(block, str(table), fault, f"must be one of {', '.join(known)}")
         for table in (table for table in TABLES if table not in tables):
-            yield _whole(block, table, "missing", "required")
+            yield whole(block, table, "missing", "required")
 
 
 def _plain(value: Any) -> Any:
@@ -726,7 +718,7 @@ def _without_single_rows(tables: BlockTables, grid: GridSystem) -> BlockTables:
     """
     rows = np.flatnonzero(measured_control(tables))
     lonlat = lonlat_of(tables.control.numbers, grid)[rows]
-    wrong = ~np.isfinite(lonlat).all(axis=1)
+    wrong = ~np.isfinite(lonlat.sum(axis=1))
     wrong[~wrong] = ~np.isfinite(grid.undulation(lonlat[~wrong]))
     height, flown = tables.control.numbers["height_m"], tables.trajectory.numbers["height_m"]
     point, exposure = _surveyed_rays(tables)

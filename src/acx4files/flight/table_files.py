@@ -1,4 +1,4 @@
-"""Read tables by pandas, or take them from memory; every problem has its file, line and column."""
+"""Read tables, or take them from memory; every problem has its file, line and column."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -27,6 +27,7 @@ from acx4files.flight.problems import (
     did_you_mean,
     kind_of,
     quoted,
+    whole,
 )
 from acx4files.flight.tables import Schema, Table, faulty, form_of, numbers_of
 from acx4lib.expected import Array
@@ -58,74 +59,52 @@ def read_columns(
     if problems:
         return Table(file=file, problems=problems)
     text = as_written(text).replace("\r\n", "\n").replace("\r", "\n")
-    header, lines, widths, problems = _shape(text, file)
+    rows, lines, problems = _rows_of(text, file)
     if problems:
         return Table(file=file, problems=problems, whole=False)
+    header = [name.strip() for name in rows[0]]
     problems = tuple(_header_problems(file, header, schema))
     wanted = {name: header.index(name) for name in schema.known if name in header}
     if problems and not wanted.keys() & set(schema.required):
         return Table(file=file, problems=problems, whole=False)
-    used = len(widths) - next((k for k, width in enumerate(reversed(widths)) if width), len(widths))
-    whole = np.array(widths[:used], dtype=np.int64) == len(header)
-    cells = _cells_of(text, wanted, whole, len(widths) - used)
-    table = Table(file=file, lines=np.array(lines[:used], dtype=np.int64)[whole], sha256=sha256)
+    widths = [len(row) if any(map(str.strip, row)) else 0 for row in rows]
+    used = int(np.flatnonzero(widths)[-1]) + 1
+    good = [k for k in range(1, used) if widths[k] == len(header)]
+    cells = {name: [rows[k][column] for k in good] for name, column in wanted.items()}
     notes = [*_extra_notes(file, header, schema)]
-    if blank := len(widths) - used:
+    if blank := len(rows) - used:
         notes.append(f"{file}: {blank} blank line{'s' * (blank > 1)} at the end")
     notes += [] if text.endswith("\n") else [f"{file}: {NO_END}"]
-    problems += tuple(width_problems(file, lines, widths[:used], len(header)))
-    return replace(
-        checked(replace(table, problems=problems, notes=tuple(notes)), cells, schema),
-        whole=bool(whole.all()),
+    problems += tuple(width_problems(file, lines[1:used], widths[1:used], len(header)))
+    table = Table(
+        file=file,
+        lines=np.array([lines[k] for k in good], dtype=np.int64),
+        sha256=sha256,
+        problems=problems,
+        notes=tuple(notes),
+        whole=len(good) == used - 1,
     )
+    return checked(table, cells, schema)
 
 
-def _shape(text: str, file: str) -> tuple[list[str], list[int], list[int], tuple[Problem, ...]]:
-    """Return the header, line and number of cells of every row under it, and what is no table.
-
-    A row of blank cells has none. pandas would take the first column for an index where every
-    row has one cell more than the header, and says nothing.
-    """
-    reader, ends = csv.reader(io.StringIO(text, newline=""), strict=True), [1]
-    widths: list[int] = []
+def _rows_of(text: str, file: str) -> tuple[list[list[str]], list[int], tuple[Problem, ...]]:
+    """Return the rows of a table, the header first, their lines, and why it is no table."""
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    rows, lines = [], [1]
     try:
-        header = [name.strip() for name in next(reader, [])]
-        ends[0] = reader.line_num
         for row in reader:
-            widths.append(len(row) if row and (row[0].strip() or any(map(str.strip, row))) else 0)
-            ends.append(reader.line_num)
+            rows.append(row)
+            lines.append(reader.line_num + 1)
     except csv.Error as error:
         fault = f"cannot be read as a table ({error})"
         expected = "must be comma-separated values, quotes closed"
-        place = Problem(file=file, line=ends[-1] + 1, column="file", found=fault, expected=expected)
-        return [], [], [], (place,)
-    if any(header):
-        return header, [end + 1 for end in ends[:-1]], widths, ()
-    fault = "begins with a blank line" if text.strip("\r\n\t ,") else "is empty"
-    place = Problem(file=file, line=1, column="file", found=fault, expected="needs a header")
-    return [], [], [], (place,)
-
-
-def _cells_of(
-    text: str, wanted: Mapping[str, int], whole: NDArray[np.bool_], n_blank: int
-) -> dict[str, list[str]]:
-    """Return the cells of the wanted columns, of the rows as wide as the header."""
-    if not whole.any() or not wanted:
-        return {name: [] for name in wanted}
-    frame = pd.read_csv(
-        io.StringIO(text, newline=""),
-        header=None,
-        skiprows=[
-            0,
-            *(np.flatnonzero(~whole) + 1),
-            *range(len(whole) + 1, len(whole) + n_blank + 1),
-        ],
-        usecols=sorted(wanted.values()),
-        dtype=object,
-        na_filter=False,
-        skip_blank_lines=False,
-    )
-    return {name: frame[k].tolist() for name, k in wanted.items()}
+    else:
+        if rows and any(map(str.strip, rows[0])):
+            return rows, lines, ()
+        fault = "begins with a blank line" if text.strip("\r\n\t ,") else "is empty"
+        lines, expected = [1], "needs a header"
+    place = Problem(file=file, line=lines[-1], column="file", found=fault, expected=expected)
+    return [], [], (place,)
 
 
 def _header_problems(file: str, header: Sequence[str], schema: Schema) -> Iterator[Problem]:
@@ -384,18 +363,7 @@ PICTURES = ("file",)
 """Columns that a table in memory does not have: it has no folder in which files could lie."""
 
 
-class Frame(Protocol):
-    """Common interface of the DataFrames of pandas and other libraries."""
-
-    @property
-    def columns(self) -> Any:
-        """Names of the columns."""
-
-    def __getitem__(self, column: str, /) -> Any:
-        """Return a column."""
-
-
-Columns = Mapping[str, Any] | Frame
+Columns = Mapping[str, Any] | pd.DataFrame
 """A table in memory: arrays or lists by the names of their columns, or a DataFrame."""
 
 
@@ -413,14 +381,13 @@ def table_in_memory(columns: Columns, name: str, schema: Schema) -> Table:
     """
     schema = replace(schema, optional=tuple(c for c in schema.optional if c not in PICTURES))
     names = columns if isinstance(columns, Mapping) else getattr(columns, "columns", None)
-    wrong = Problem(file=name, line=-1, column="table", found="", expected="", in_memory=True)
+    table = Table(file=name, in_memory=True, whole=False)
     if names is None:
         fault, cure = f"is {kind_of(columns)}", "must be a DataFrame, or a dict of arrays"
-        return Table(file=name, problems=(replace(wrong, found=fault, expected=cure),))
+        return replace(table, problems=(whole(name, "table", fault, cure),))
     header = [str(column) for column in names] or [""]
     problems = [
-        replace(problem, line=-1, in_memory=True)
-        for problem in _header_problems(name, header, schema)
+        whole(name, p.column, p.found, p.expected) for p in _header_problems(name, header, schema)
     ]
     arrays: dict[str, NDArray[Any]] = {
         c: np.asarray(columns[c], dtype=object if isinstance(columns[c], list | tuple) else None)
@@ -430,14 +397,14 @@ def table_in_memory(columns: Columns, name: str, schema: Schema) -> Table:
     n = max((len(values) for values in arrays.values() if values.ndim == 1), default=0)
     cure = f"must be one value for each row, shape ({n},)"
     problems += [
-        replace(wrong, column=column, found=f"has shape {values.shape}", expected=cure)
+        whole(name, column, f"has shape {values.shape}", cure)
         for column, values in arrays.items()
         if values.shape != (n,)
     ]
-    notes = tuple(_extra_notes(name, header, schema))
-    table = Table(file=name, in_memory=True, lines=np.arange(n), notes=notes)
     if problems:
-        return replace(table, problems=tuple(problems), whole=False)
+        return replace(table, problems=tuple(problems))
+    notes = tuple(_extra_notes(name, header, schema))
+    table = replace(table, lines=np.arange(n), notes=notes, whole=True)
     cells: dict[str, Any] = {}
     for column, values in arrays.items():
         if column in schema.ranges and values.dtype.kind in "fiu":
