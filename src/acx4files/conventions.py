@@ -358,15 +358,9 @@ def _case(block: Block, trajectory: Any, seen: Sightings, enh: Array | None = No
     rows = np.array([place[block.trajectory.exposures[i]] for i in seen.exposures], dtype=np.intp)
     known = np.isfinite(seen.x_m[:, 0])
     given = block.frame.to_grid(seen.x_m[known]) if enh is None else enh[known]
-    return _Case(
-        frame=block.frame,
-        seen=seen,
-        T_m_b=block.trajectory.T_m_b[seen.exposures],
-        numbers=trajectory.numbers,
-        rows=rows,
-        known=known,
-        control=_columns((*EAST_NORTH, "height_m"), given),
-    )
+    T_m_b = block.trajectory.T_m_b[seen.exposures]
+    control = _columns((*EAST_NORTH, "height_m"), given)
+    return _Case(block.frame, seen, T_m_b, trajectory.numbers, rows, known, control)
 
 
 def _readings(case: _Case, *, turned: bool = False) -> Iterator[Reading]:
@@ -404,13 +398,6 @@ def _sizes(seen: Sightings) -> Array:
     return np.array([[c.width_px, c.height_px] for c in seen.cameras])[seen.camera_idx]
 
 
-LEAST_SURVEYED = 4
-"""Number of surveyed points from which they may be moved or scaled."""
-
-SCALES = (0.0, -0.4, -0.2, 0.2, 0.4)
-"""Scales of images to begin with, since steps do not lead from one to another."""
-
-
 def _numbered(block: Block, seen: Sightings, T_m_b: Pose) -> Iterator[Reading]:
     """Yield the readings with numbers that are estimated."""
     velocity, surveyed = _velocities(block, seen), np.isfinite(seen.x_m[:, 0])
@@ -418,7 +405,7 @@ def _numbered(block: Block, seen: Sightings, T_m_b: Pose) -> Iterator[Reading]:
     moves = []
     if velocity is not None:
         moves.append(Moves("r", velocity[:, :, None], _delayed, (1.0,)))
-    if surveyed.sum() >= LEAST_SURVEYED:
+    if surveyed.sum() >= 4:
         shift = np.where(surveyed[:, None, None], np.eye(3), 0.0)
         scale = np.nan_to_num(seen.x_m - np.nanmean(seen.x_m, axis=0))[:, :, None]
         says = "control points moved by {:+.2f} m east and {:+.2f} m north, as from another epoch,"
@@ -428,7 +415,8 @@ def _numbered(block: Block, seen: Sightings, T_m_b: Pose) -> Iterator[Reading]:
         says = "control points scaled by {:+.0f} ppm, as from the ground to the grid,"
         moves.append(Moves("x_m", scale * [[1], [1], [0]], says.format, (1e6,)))
     says = "image coordinates scaled by about {:+.0f} %, as by another focal_mm or pixel_um,"
-    moves.append(Moves("colrow", from_middle, says.format, (100.0,), starts=SCALES))
+    scales = (0.0, -0.4, -0.2, 0.2, 0.4)  # steps do not lead from one to another
+    moves.append(Moves("colrow", from_middle, says.format, (100.0,), scales))
     says = "pixels that are {:+.2f} % wider than high"
     moves.append(Moves("colrow", from_middle * [[1], [0]], says.format, (100.0,)))
     if velocity is not None:
@@ -466,29 +454,8 @@ def _velocities(block: Block, seen: Sightings) -> Array | None:
 # worse half is reported as well.
 
 
-JUDGED = 3
-"""Number of control measurements that is enough to judge a single camera."""
-
-EXPLAINED_BY = 5000
-"""Number of measurements that readings are tried on; a part of more shows them as well."""
-
 MOST = 0.75
 """Quantile of the distances that must be within the limit after a mistake is undone."""
-
-TURNED = 0.5
-"""The same distance from which turned cameras explain nothing: they bring any far points near."""
-
-FAR = 50_000.0
-"""Distance of a block from its control points, m, that only another CRS explains."""
-
-NO_TURN = np.radians(3.0)
-"""Mounting angles below which a camera has the axes of the body."""
-
-NEARLY = 0.98
-"""Cosine from which a turn is about an axis."""
-
-NAMED = 10
-"""Number of cameras that a sentence names."""
 
 
 class Contradiction(NamedTuple):
@@ -546,29 +513,25 @@ def contradictions(
     if not len(seen):
         return
     mine = {k: seen.camera_idx == k for k in range(len(block.cameras))}
-    judged = [k for k, rows in mine.items() if rows.sum() >= JUDGED]
+    judged = [k for k, rows in mine.items() if rows.sum() >= 3]  # enough to judge a camera
     wrong = [k for k in judged if _upper(ratio[mine[k]], 0.5) > 1]
     if wrong and len(wrong) < len(judged):
         for k in wrong:
-            case = _part(block, trajectory, seen, enh, mine[k])
+            case = _part(block, trajectory, enh, mine[k])
             yield _explained(block, case, files, ratio[mine[k]], only=k)
     elif _upper(ratio, MOST) > 1:
-        found = _explained(block, _part(block, trajectory, seen, enh, ratio >= 0), files, ratio)
+        found = _explained(block, _part(block, trajectory, enh, ratio >= 0), files, ratio)
         if found.table or _upper(ratio, 0.5) > 1:
             yield found if found.table else found._replace(table="control_points")
 
 
-def _part(block: Block, trajectory: Any, seen: Sightings, enh: Array, chosen: Mask) -> _Case:
-    """Return the case of the chosen measurements, or of every so many."""
-    rows = np.flatnonzero(chosen)[:: -(-int(chosen.sum()) // EXPLAINED_BY)]
-    some = replace(
-        seen,
-        camera_idx=seen.camera_idx[rows],
-        exposure_idx=seen.exposure_idx[rows],
-        point_idx=seen.point_idx[rows],
-        colrow=seen.colrow[rows],
-    )
-    return _case(block, trajectory, some, enh[seen.points])
+def _part(block: Block, trajectory: Any, enh: Array, chosen: Mask) -> _Case:
+    """Return the case of the chosen measurements of surveyed points, or of every so many."""
+    x_m, most = _surveyed(block), 5000
+    measured = np.flatnonzero(np.isfinite(x_m[block.image_points.point_idx, 0]))[chosen]
+    rows = measured[:: -(-len(measured) // most)]
+    seen = _sightings_of(block, block.image_points[rows], x_m)
+    return _case(block, trajectory, seen, enh[seen.points])
 
 
 def _upper(values: Array, quantile: float) -> float:
@@ -617,7 +580,7 @@ def _turned_cameras(case: _Case) -> Iterator[Reading]:
     """Yield the block with its cameras turned onto the surveyed points, if that explains much."""
     with np.errstate(all="ignore"):
         seen = replace(case.seen, cameras=started(case.seen, case.T_m_b).cameras)
-    if _upper(_ratio(seen, case.T_m_b), MOST) < TURNED:
+    if _upper(_ratio(seen, case.T_m_b), MOST) < 0.5:  # turned cameras bring any far points near
         cameras = {"cameras": seen.cameras}
         yield Reading("mount", ("mount_kappa_deg",), "", "attitude", cameras)
 
@@ -627,11 +590,10 @@ def _turned_axes(declared: Sequence[Camera], cameras: Sequence[Camera]) -> str:
     turned = np.degrees(log(declared[0].T_b_c.R.T @ cameras[0].T_b_c.R))
     axis = int(np.argmax(np.abs(turned)))
     by = f" by {(turned[axis] + 179.5) % 360 - 179.5:.0f} degrees about {'xyz'[axis]}"
-    by = by if abs(turned[axis]) > NEARLY * np.linalg.norm(turned) else ""
+    by = by if abs(turned[axis]) > 0.98 * np.linalg.norm(turned) else ""
     opk = {camera.name: np.round(np.degrees(camera.T_b_c.opk)) + 0.0 for camera in cameras}
     listed = [f"{name} {o:.0f}, {p:.0f}, {k:.0f}" for name, (o, p, k) in opk.items()]
-    listed = [*listed[:NAMED], "…"] if len(listed) > NAMED else listed
-    body = len(cameras) == 1 and np.allclose(cameras[0].T_b_c.R, np.eye(3), atol=NO_TURN)
+    body = len(cameras) == 1 and np.allclose(cameras[0].T_b_c.R, np.eye(3), atol=np.radians(3.0))
     of_camera = ", or the angles are of the camera, not of the body" if body else ""
     return (
         f"the camera axes were turned{by}: mount_omega_deg, mount_phi_deg, mount_kappa_deg of "
@@ -644,7 +606,7 @@ def _whereabouts(block: Block) -> str:
     surveyed = np.concatenate([block.control.x_m, block.check.x_m])
     shift = surveyed.mean(axis=0) - block.trajectory.T_m_b.r.mean(axis=0)
     grid = block.frame.grid
-    doubt = np.hypot(*shift[:2]) > FAR and not grid.is_local
+    doubt = np.hypot(*shift[:2]) > 50_000.0 and not grid.is_local  # only another CRS explains it
     return (
         "no usual mistake explains it; the control points' middle lies "
         f"{shift[0]:.0f} m east, {shift[1]:.0f} m north and {shift[2]:.0f} m up of the exposures'"
@@ -669,15 +631,6 @@ FITTED, FITTED_CERTAIN = 1.5, 2.5
 
 ALIKE = 1.25
 """Ratio of misfits below which the simpler of two readings is named."""
-
-PROMISING, MOST_TRIED = 1.1, 12
-"""Ratio of misfits before the adjustment from which a reading is adjusted, and how many are."""
-
-FLOOR_PX = 0.25
-"""Misfit that no reading can explain, px."""
-
-NEAR = np.radians(15.0)
-"""Turn from the declared boresight within which a reading is preferred to equally good ones."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -722,7 +675,6 @@ def _shown(value: float, unit: str) -> str:
     return f"{number}{unit}" if unit == "°" else f"{number} {unit}"
 
 
-_Tried = tuple["Reading", "Sightings", Pose]
 _Fit = tuple["Mounted", "Reading", "Sightings", Pose]
 
 
@@ -751,12 +703,16 @@ def best_reading(flight: Any, block_name: str) -> Found | None:
         case = _case(block, flight.trajectories[block_name], seen)
         given = mounted(seen, case.T_m_b)
         sigma = np.linalg.norm(list(stated(block, seen, given).values()))
-        if 1 / OFF < given.misfit / sigma < AS_STATED:
+        if 1 / OFF < given.misfit / sigma < 1.4:  # as stated
             return other_unit(block, seen, given)
-        usual = started(seen, case.T_m_b).misfit
+        tried = [*case.tried(_readings(case))]
+        misfits = [started(others, T_m_b).misfit for _, others, T_m_b in tried]
+        promising = 1.1 * started(seen, case.T_m_b).misfit
+        limit = min(promising, max(sorted(misfits)[:12], default=0.0))
         fits = [
             (mounted(others, T_m_b), reading, others, T_m_b)
-            for reading, others, T_m_b in _promising([*case.tried(_readings(case))], usual)
+            for (reading, others, T_m_b), misfit in zip(tried, misfits, strict=True)
+            if misfit <= limit
         ]
         if np.isfinite(given.misfit):
             numbered = _numbered(block, seen, case.T_m_b)
@@ -773,13 +729,6 @@ def notes(flight: Any) -> Iterator[str]:
             yield f"{name}: {reading.sentence}"
 
 
-def _promising(others: list[_Tried], usual: float) -> list[_Tried]:
-    """Return the best readings before an adjustment, in their order."""
-    misfits = np.array([started(seen, T_m_b).misfit for _, seen, T_m_b in others])
-    limit = min(PROMISING * usual, np.sort(misfits)[:MOST_TRIED].max(initial=0.0))
-    return [one for one, misfit in zip(others, misfits, strict=True) if misfit <= limit]
-
-
 def _alike(misfits: Sequence[float]) -> Index:
     """Return the places of those about as good as the best, the simplest first."""
     return np.flatnonzero(np.array(misfits) <= ALIKE * min(misfits, default=0.0))
@@ -788,7 +737,7 @@ def _alike(misfits: Sequence[float]) -> Index:
 def _best(fits: list[_Fit], given: Mounted, seen: Sightings) -> Found | None:
     """Return the simplest of the best readings, if much better than the given reading."""
     camera, n = seen.cameras[0], len(seen.exposures)
-    floor = FLOOR_PX * camera.pixel_mm / camera.interior.f
+    floor = 0.25 * camera.pixel_mm / camera.interior.f  # misfit that no reading can explain
     good = []
     for fit in fits:
         least, certain = (BETTER, CERTAIN) if fit[1].moves is STILL else (FITTED, FITTED_CERTAIN)
@@ -796,7 +745,7 @@ def _best(fits: list[_Fit], given: Mounted, seen: Sightings) -> Found | None:
         if better * (fit[0].misfit + floor) < given.misfit + floor:
             good.append(fit)
     alike = [good[i] for i in _alike([fit.misfit + floor for fit, *_ in good])]
-    near = [fit for fit in alike if _turn(fit[0], seen) < NEAR]
+    near = [fit for fit in alike if _turn(fit[0], seen) < np.radians(15.0)]
     return next((_found(given, *fit) for fit in near or alike), None)
 
 
@@ -840,14 +789,7 @@ OFF = 2.0
 RIGHT = 1.6
 """The same within which a unit is right: neighbouring units differ by ten and more."""
 
-AS_STATED = 1.4
-"""Ratio of the misfit to the stated sigmas up to which no other reading is looked for."""
-
 ANGLE_UNITS = {"seconds of arc": 1 / 3600, "minutes of arc": 1 / 60, "radians": 180 / np.pi}
-LENGTH_UNITS = {"mm": 1e-3, "cm": 1e-2}
-
-ALONE_M = 0.5, 15.0
-"""Standard deviations of positions that a receiver without corrections states."""
 
 SHARED = (
     "this sigma is rather that of an error which neighbouring exposures share, as of a receiver "
@@ -893,16 +835,13 @@ def other_unit(block: Block, seen: Sightings, given: Mounted) -> Found | None:
         return None
     T_m_b, camera = block.trajectory.T_m_b[seen.exposures], given.cameras[0]
     noise, sigmas = measuring_noise(seen, T_m_b, given), stated(block, seen, given)
-    alone = ALONE_M[0] <= sigmas["position"] * _range_m(seen, T_m_b, given) <= ALONE_M[1]
+    # A receiver without corrections states half a metre to fifteen.
+    alone = 0.5 <= sigmas["position"] * _range_m(seen, T_m_b, given) <= 15.0
+    lengths = {} if alone else {"mm": 1e-3, "cm": 1e-2}
     for quantity, units, misfit, others in (
         ("image measurements", {"mm": 1 / camera.pixel_mm}, noise, 0.0),
         ("attitude", ANGLE_UNITS, given.misfit, np.hypot(sigmas["position"], noise)),
-        (
-            "position",
-            {} if alone else LENGTH_UNITS,
-            given.misfit,
-            np.hypot(sigmas["attitude"], noise),
-        ),
+        ("position", lengths, given.misfit, np.hypot(sigmas["attitude"], noise)),
     ):
         sigma = sigmas[quantity]
         before = misfit / np.hypot(sigma, others)
@@ -931,36 +870,6 @@ def _usual(sigma: Array) -> float:
 
 QUANTILE, NORMAL = 0.75, 1.1503
 """Quantile of the misfits that defines their size, and its value in the normal distribution."""
-
-TURNS, STEPS = 8, 12
-"""Largest numbers of closed-form turns, and of adjustment steps after them."""
-
-TURNED_ENOUGH = 1e-6
-"""Change of a rotation from which no further turn is made, radians."""
-
-LARGEST_TURN = 0.5
-"""Of one step, radians."""
-
-SETTLED = 0.003
-"""Relative decrease of the misfit below which no further step is made."""
-
-WIDTH = 4.0
-"""Residual, in misfits, that has a quarter of its weight."""
-
-HELD, LOOSE = 1e30, 1e-12
-"""Weights, 1/m², that hold surveyed points, and tie points that rays do not determine."""
-
-FREE_POSE, ENOUGH_LEFT = 6, 4
-"""Unknowns of a free pose, and observations that must be left beyond them."""
-
-LEVER_M = 1.0
-"""Prior sigma of the lever arm, m."""
-
-FARTHEST_LEVER_M, FARTHEST_F = 10.0, 0.02
-"""Largest plausible difference from declared lever arms, m, and share of focal lengths."""
-
-DIFFERENCE = 1e-5
-"""Of an estimated number, for its derivatives."""
 
 N_MOUNT, N_LENS = 6, 8
 N_CAMERA = N_MOUNT + N_LENS
@@ -1016,8 +925,8 @@ def mounted(seen: Sightings, T_m_b: Pose, moves: Moves = STILL) -> Mounted:
     start = min(starts, key=lambda state: state.misfit)
     fit = _adjusted(seen, T_m_b, start, moves)
     plausible = all(
-        np.linalg.norm(camera.T_b_c.r - declared.T_b_c.r) < FARTHEST_LEVER_M
-        and abs(camera.interior.f / declared.interior.f - 1) < FARTHEST_F
+        np.linalg.norm(camera.T_b_c.r - declared.T_b_c.r) < 10.0
+        and abs(camera.interior.f / declared.interior.f - 1) < 0.02
         for camera, declared in zip(fit.cameras, seen.cameras, strict=True)
     )
     return fit if plausible else _adjusted(seen, T_m_b, replace(start, held=True), moves)
@@ -1062,11 +971,11 @@ def _turned(R_b_c: Array, ray_c: Array, to_b: Array) -> Array:
     Kabsch's rotation, reweighted by the chords, as in `bundle.start.start_values`.
     """
     weight = np.ones(len(ray_c))
-    for _ in range(TURNS):
+    for _ in range(8):
         before = R_b_c
         U, _, Vt = np.linalg.svd((to_b * weight[:, None]).T @ ray_c)
         R_b_c = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
-        if np.abs(R_b_c - before).max() < TURNED_ENOUGH:
+        if np.abs(R_b_c - before).max() < 1e-6:
             break
         chord = to_b - ray_c @ R_b_c.T
         weight = 1 / np.maximum(np.sqrt(np.einsum("ni,ni->n", chord, chord)), 1e-4)
@@ -1078,11 +987,11 @@ def _adjusted(seen: Sightings, T_m_b: Pose, start: Mounted, moves: Moves) -> Mou
     prior = _prior_sigma(seen.cameras, held=start.held)
     prior = np.concatenate([prior, np.full(len(moves.units), np.inf)])
     best = state = replace(start, misfit=np.inf)
-    for _ in range(STEPS):
+    for _ in range(12):
         v, A, B = _linear(seen, T_m_b, state, moves)
         misfit = size(v)
         state = replace(state, misfit=misfit)
-        settled = misfit > (1 - SETTLED) * best.misfit
+        settled = misfit > 0.997 * best.misfit
         best = state if misfit < best.misfit else best
         if settled or not np.isfinite(misfit):
             break
@@ -1120,16 +1029,16 @@ def measuring_noise(seen: Sightings, T_m_b: Pose, found: Mounted) -> float:
     """
     v, A, B = _linear(seen, T_m_b, found)
     ok = np.all(np.isfinite(v), axis=1)
-    variances = []
+    variances, free_pose = [], 6
     for exposure in range(len(T_m_b)):
         rows = np.flatnonzero(ok & (seen.exposure_idx == exposure))
         cameras = np.unique(seen.camera_idx[rows])
-        if 2 * len(rows) < FREE_POSE + ENOUGH_LEFT or len(cameras) != 1:
+        if 2 * len(rows) < free_pose + 4 or len(cameras) != 1:
             continue
         c = N_CAMERA * int(cameras[0])
-        J = np.concatenate([A[rows, :, c : c + 3], B[rows]], axis=2).reshape(-1, FREE_POSE)
+        J = np.concatenate([A[rows, :, c : c + 3], B[rows]], axis=2).reshape(-1, free_pose)
         residuals = v[rows].ravel() - J @ np.linalg.lstsq(J, v[rows].ravel(), rcond=None)[0]
-        variances.append(residuals @ residuals / (len(residuals) - FREE_POSE))
+        variances.append(residuals @ residuals / (len(residuals) - free_pose))
     return float(np.sqrt(np.median(variances))) if variances else np.nan
 
 
@@ -1139,7 +1048,7 @@ def _prior_sigma(cameras: tuple[Camera, ...], *, held: bool) -> Array:
     for camera in cameras:
         f, r = camera.interior.f, 0.5 * camera.diagonal_px * camera.pixel_mm
         lens = [0.01 / r**2, 0.01 / r**4, 0.01 / r**6, 0.002 / r, 0.002 / r]
-        lever, focal = (1e-6, 1e-6) if held else (LEVER_M, 0.01 * f)
+        lever, focal = (1e-6, 1e-6) if held else (1.0, 0.01 * f)
         out += [*[np.inf] * 3, *[lever] * 3, focal, 0.005 * f, 0.005 * f, *lens]
     return np.array(out)
 
@@ -1151,30 +1060,23 @@ def _linear(
 
     All divided by the declared focal length, so in radians.
     """
-    sizes = state.sizes
-    v, A, B = _of_cameras(*moves.applied(sizes, seen, T_m_b, state.x_m), state.cameras)
-    for unit in np.eye(len(sizes)):
-        there = moves.applied(sizes + DIFFERENCE * unit, seen, T_m_b, state.x_m)
-        by_size = (_residuals(*there, state.cameras) - v) / DIFFERENCE
-        A = np.concatenate([A, by_size[:, :, None]], axis=2)
-    return v, A, B
-
-
-def _of_cameras(
-    seen: Sightings, T_m_b: Pose, x_m: Array, cameras: tuple[Camera, ...]
-) -> tuple[Array, Array, Array]:
-    """Return the same, by the unknowns of the cameras only."""
-    B = np.empty((len(seen), 2, 3))
-    A = np.zeros((len(seen), 2, N_CAMERA * len(cameras)))
-    for k, rows, T_m_c, x_c, xy in _seen_by(seen, T_m_b, x_m, cameras):
-        f, unit = cameras[k].interior.f, seen.cameras[k].interior.f
-        by_x = pinhole_jacobian(f, x_c) / unit
-        by_lens = -correct_jacobian(cameras[k].interior, xy)[:, :, :N_LENS] / unit
-        by_lens[:, :, 0] = pinhole(f, x_c) / (f * unit)
-        by_mount = [by_x @ skew(x_c), -by_x @ cameras[k].T_b_c.R.T]
+    sizes, n = state.sizes, N_CAMERA * len(state.cameras)
+    at = moves.applied(sizes, seen, T_m_b, state.x_m)
+    v = _residuals(*at, state.cameras)
+    A, B = np.zeros((len(seen), 2, n + len(sizes))), np.empty((len(seen), 2, 3))
+    for k, rows, T_m_c, x_c, xy in _seen_by(*at, state.cameras):
+        camera, unit = state.cameras[k], seen.cameras[k].interior.f
+        by_x = pinhole_jacobian(camera.interior.f, x_c) / unit
+        by_lens = -correct_jacobian(camera.interior, xy)[:, :, :N_LENS] / unit
+        by_lens[:, :, 0] = pinhole(camera.interior.f, x_c) / (camera.interior.f * unit)
+        by_mount = [by_x @ skew(x_c), -by_x @ camera.T_b_c.R.T]
         A[rows, :, N_CAMERA * k : N_CAMERA * (k + 1)] = np.concatenate([*by_mount, by_lens], axis=2)
         B[rows] = by_x @ np.swapaxes(T_m_c.R, -1, -2)
-    return _residuals(seen, T_m_b, x_m, cameras), A, B
+    step = 1e-5
+    for i, unit_size in enumerate(np.eye(len(sizes))):
+        there = moves.applied(sizes + step * unit_size, seen, T_m_b, state.x_m)
+        A[:, :, n + i] = (_residuals(*there, state.cameras) - v) / step
+    return v, A, B
 
 
 def _residuals(seen: Sightings, T_m_b: Pose, x_m: Array, cameras: tuple[Camera, ...]) -> Array:
@@ -1201,7 +1103,7 @@ def _step(
     seen: Sightings, state: Mounted, linear: tuple[Array, Array, Array], prior: Array
 ) -> tuple[Array, Array]:
     """Return a reweighted step of the unknowns, with points eliminated, and the moved points."""
-    u = np.nan_to_num(np.linalg.norm(linear[0], axis=1), nan=np.inf) / (WIDTH * state.misfit)
+    u = np.nan_to_num(np.linalg.norm(linear[0], axis=1), nan=np.inf) / (4.0 * state.misfit)
     v, A, B = (np.nan_to_num(part) for part in linear)
     weight = (np.square(1 / (1 + u**2)) / state.misfit**2)[:, None, None]
     WA, WB = weight * A, weight * B
@@ -1211,8 +1113,8 @@ def _step(
     np.add.at(C, seen.point_idx, np.swapaxes(WB, 1, 2) @ B)
     np.add.at(D, seen.point_idx, np.swapaxes(WB, 1, 2) @ A)
     np.add.at(g, seen.point_idx, np.einsum("nki,nk->ni", WB, v))
-    surveyed = np.isfinite(seen.x_m[:, 0])
-    C += np.where(surveyed, HELD, LOOSE)[:, None, None] * np.eye(3)
+    surveyed = np.isfinite(seen.x_m[:, 0])  # held; tie points are loosely, if rays leave them open
+    C += np.where(surveyed, 1e30, 1e-12)[:, None, None] * np.eye(3)
     DC = np.linalg.solve(C, D)
     N -= np.einsum("pki,pkj->ij", D, DC, optimize=True)
     h -= np.einsum("pki,pk->i", DC, g)
@@ -1234,7 +1136,7 @@ def _moved(state: Mounted, dx: Array, x_m: Array) -> Mounted:
     cameras = []
     for k, camera in enumerate(state.cameras):
         d = dx[N_CAMERA * k : N_CAMERA * (k + 1)]
-        turn = d[:3] * min(1.0, LARGEST_TURN / max(float(np.linalg.norm(d[:3])), 1e-300))
+        turn = d[:3] * min(1.0, 0.5 / max(float(np.linalg.norm(d[:3])), 1e-300))
         lens = camera.interior.to_array()
         lens[:N_LENS] += d[N_MOUNT:]
         lens[0] = max(lens[0], 0.5 * camera.interior.f)
@@ -1249,18 +1151,6 @@ def _moved(state: Mounted, dx: Array, x_m: Array) -> Mounted:
 
 MOST_IMAGES, MOST_MEASUREMENTS = 60, 900
 """Largest numbers of images in use and of their measurements, spread over the block."""
-
-RUN = 10
-"""Number of neighbouring exposures in use where tie points are needed."""
-
-FEWEST_RAYS = 3
-"""Of a tie point: two rays of one strip do not control angles across it."""
-
-FEWEST_EXPOSURES, FEWEST_MEASUREMENTS = 6, 30
-"""Numbers of exposures and of measurements below which a reading may fit by chance."""
-
-BEYOND = 300_000.0
-"""Distance from the median of the surveyed points, m, that no point of a block can have."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -1303,13 +1193,13 @@ def sightings(block: Block) -> Sightings | None:
     Surveyed points are enough where there are some in every image; else tie points are added.
     """
     x_m = _surveyed(block)
-    far = np.abs(x_m - np.nanmedian(x_m, axis=0)) > BEYOND if np.isfinite(x_m).any() else False
-    x_m = np.where(np.any(far, axis=-1, keepdims=True), np.nan, x_m)
+    if np.isfinite(x_m).any():  # no point of a block is 300 km from the others
+        x_m[(np.abs(x_m - np.nanmedian(x_m, axis=0)) > 300_000.0).any(axis=1)] = np.nan
     points = block.image_points[np.isfinite(block.image_points.sigma_px)]
     is_surveyed = np.isfinite(x_m[:, 0])
     for chosen in (_of_surveyed, _with_ties):
         seen = _sightings_of(block, chosen(block, points, is_surveyed), x_m)
-        if len(seen.exposures) >= FEWEST_EXPOSURES and len(seen) >= FEWEST_MEASUREMENTS:
+        if len(seen.exposures) >= 6 and len(seen) >= 30:  # fewer may fit by chance
             return seen
     return None
 
@@ -1352,11 +1242,12 @@ def _with_ties(block: Block, points: ImagePoints, is_surveyed: Mask) -> ImagePoi
     """Return the measurements of neighbouring exposures, of surveyed and of some tie points."""
     exposure = block.images.exposure_idx[points.image_idx]
     measured = np.unique(exposure)
-    first = _spaced(np.arange(len(measured)), _most_exposures(block) // RUN)
-    runs = np.unique(np.minimum(first[:, None] + np.arange(RUN), len(measured) - 1))
+    first, run = _spaced(np.arange(len(measured)), _most_exposures(block) // 10), np.arange(10)
+    runs = np.unique(np.minimum(first[:, None] + run, len(measured) - 1))
     points = points[np.isin(exposure, measured[runs])]
     rays = np.bincount(points.point_idx, minlength=len(is_surveyed))
-    ties = np.flatnonzero((rays >= FEWEST_RAYS) & ~is_surveyed)
+    # Two rays of one strip do not control angles across it.
+    ties = np.flatnonzero((rays >= 3) & ~is_surveyed)
     most = int(MOST_MEASUREMENTS / max(1.0, rays[ties].mean())) if len(ties) else 0
     kept = is_surveyed.copy()
     kept[_spaced(ties, most)] = True

@@ -224,7 +224,8 @@ def begin(
     with _claimed(folder):
         left = {s: entry for s, entry in read(folder).stages.items() if s not in stages}
         _check_flight(folder, left, flight)
-        _check_calibration(folder, {*left, *stages}, calibration)
+        earlier = calibration or left.get("validation", {}).get("calibration")
+        _check_calibration(folder, {*left, *stages}, earlier)
         _replace(folder, stages, (), flight, left)
 
 

@@ -200,7 +200,7 @@ def _pieces(n: int) -> Iterator[slice]:
 
 def _by_columns(e: Equations, cov: Array) -> Array:
     """Return A times the covariance of its unknowns with the functions."""
-    return np.asarray(column_rows(cov.shape[1], e, e.A) @ cov.T).reshape(*e.v.shape, -1)
+    return np.asarray(column_rows(cov.shape[1], e, e.A) @ cov.T).reshape(*e.v.shape, len(cov))
 
 
 # --- One measured image point of an adjustment, with all terms of its equation

@@ -17,13 +17,13 @@ from support.helpers import write_notebook
 PARAMETERS = "flight_path = ''\nresults_path = ''\nseed = 1"
 KEEP = """
 import pandas
-from acx4files.results import folder
+from pathlib import Path
+from acx4files.results import folder, whole_files
 row = ("{stage}", "{method}", "CAM", "f_mm", float(seed), 0.1, "mm", 0.0)
 frame = pandas.DataFrame([row], columns=folder.COLUMNS["parameters"])
 summary = {{"{stage}/{method}": {extra}}}
-folder.replace(
-    results_path, ["{stage}"], tables={{"parameters": frame}}, summary=summary
-)
+with whole_files.locked(Path(results_path)):
+    folder.replace(results_path, ["{stage}"], tables={{"parameters": frame}}, summary=summary)
 """
 
 

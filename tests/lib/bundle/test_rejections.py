@@ -11,6 +11,7 @@ from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.rejections import (
     OF_CAMERA,
     OF_IMAGE,
+    ROWS,
     Rejection,
     noncentrality,
     sentence,
@@ -79,16 +80,13 @@ def test_a_block_in_which_no_point_has_two_rays_is_its_trajectory(exact_block):
 
 
 @pytest.mark.parametrize(
-    ("n_rejected", "n", "stops"),
-    [(2, 4, False), (3, 30, False), (3, 29, True), (4, 40, False), (5, 40, True), (0, 0, False)],
-)
-def test_more_than_a_tenth_and_at_least_three_rows_stop(n_rejected, n, stops):
-    assert too_many(n_rejected, n) is stops
-
-
-@pytest.mark.parametrize(
     ("limit", "n_rejected", "n", "stops"),
     [
+        (ROWS, 0, 0, False),
+        (ROWS, 2, 4, False),
+        (ROWS, 3, 30, False),
+        (ROWS, 3, 29, True),
+        (ROWS, 5, 40, True),
         (OF_IMAGE, 9, 12, False),
         (OF_IMAGE, 10, 30, False),
         (OF_IMAGE, 10, 29, True),
@@ -97,7 +95,7 @@ def test_more_than_a_tenth_and_at_least_three_rows_stop(n_rejected, n, stops):
         (OF_CAMERA, 101, 500, True),
     ],
 )
-def test_a_third_of_an_image_and_a_fifth_of_a_camera_stop(limit, n_rejected, n, stops):
+def test_a_tenth_of_rows_a_third_of_an_image_a_fifth_of_a_camera_stop(limit, n_rejected, n, stops):
     assert too_many(n_rejected, n, limit) is stops
 
 
