@@ -53,7 +53,7 @@ _CLIP, _TILES, _CONTRAST = 4.0, (8, 8), 0.01
 _LENGTH = 512.0  # of descriptors, which are whole numbers, so that their products are exact
 _PROBABILITY, _TRIALS = 0.9999, 3000
 _PLANE, _SHRINKING = 5.0, (3.0, 2.0, 1.0, 1.0)  # distances, in `NEAR_PX`
-_RELIEF = 2.0  # ratio of distances to the ground in a pair of pictures, either way
+_RELIEF = 1.5  # ratio of distances to the ground in a pair of pictures, either way
 _LEAST_START, _CALLS = 8, 100
 _STEEP, _SHORT = 0.5, 1e-6
 

@@ -262,7 +262,7 @@ def _shared(bundle: Bundle, rays: TieRays) -> Array:
         v_sq = np.square(group.v / group.sigma) * sigma_px[rows, None] ** 2
         for k in range(n_groups):
             own = group_of[rows] == k
-            redundancy = float(np.sum(group.redundancy[own]))
+            redundancy = float(np.nansum(group.redundancy[own]))  # none of a point far away
             shared_px[k] = _beyond(v_sq[own], rays.sigma_px[rows][own], redundancy)
     return shared_px.reshape(-1, 2)
 
@@ -280,7 +280,7 @@ def _beyond(v_sq: Array, sigma_px: Array, redundancy: float) -> float:
     """Return the standard deviation that explains squared residuals beyond their noise, px."""
 
     def excess(shared: float) -> float:
-        return float(np.sum(v_sq / (sigma_px**2 + shared**2)[:, None])) - redundancy
+        return float(np.nansum(v_sq / (sigma_px**2 + shared**2)[:, None])) - redundancy
 
     if excess(0.0) <= 0 or excess(_MOST_SHARED_PX) >= 0:
         return 0.0 if excess(0.0) <= 0 else _MOST_SHARED_PX
