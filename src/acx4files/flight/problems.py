@@ -28,7 +28,7 @@ _ZEROS = re.compile(r"(?<!\d)0+(?=\d)")
 """Between letters and digits, and before a number: what `same_but_for_writing` passes over."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Problem:
     """One problem at one place of a file or table.
 
@@ -71,10 +71,7 @@ class Problem:
 def whole(of: str | Path, column: str, fault: str, cure: str) -> Problem:
     """Return a problem of a folder, or of a table in memory, as a whole."""
     in_memory = isinstance(of, str)
-    line = -1 if in_memory else 1
-    return Problem(
-        file=str(of), line=line, column=column, found=fault, expected=cure, in_memory=in_memory
-    )
+    return Problem(str(of), -1 if in_memory else 1, column, fault, cure, in_memory=in_memory)
 
 
 def counted(rows: Sequence[int] | Index, problem: Callable[[int], Problem]) -> Iterator[Problem]:

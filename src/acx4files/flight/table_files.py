@@ -103,7 +103,7 @@ def _rows_of(text: str, file: str) -> tuple[list[list[str]], list[int], tuple[Pr
             return rows, lines, ()
         fault = "begins with a blank line" if text.strip("\r\n\t ,") else "is empty"
         lines, expected = [1], "needs a header"
-    place = Problem(file=file, line=lines[-1], column="file", found=fault, expected=expected)
+    place = Problem(file, lines[-1], "file", fault, expected)
     return [], [], (place,)
 
 
@@ -111,7 +111,7 @@ def _header_problems(file: str, header: Sequence[str], schema: Schema) -> Iterat
     """Yield the problems of the columns of a table."""
 
     def wrong(column: str, fault: str, expected: str) -> Problem:
-        return Problem(file=file, line=1, column=column, found=fault, expected=expected)
+        return Problem(file, 1, column, fault, expected)
 
     if len(header) == 1 and (separator := _separator(header[0], schema)):
         cure = "must be separated by commas, numbers with decimal points"
@@ -174,7 +174,7 @@ def width_problems(
         why = "cut off?" if widths[k] < n else hint
         fault = f"has {widths[k]} cells ({why})" if widths[k] else "is blank"
         expected = f"as many as the header: {n}"
-        return Problem(file=file, line=lines[k], column="row", found=fault, expected=expected)
+        return Problem(file, lines[k], "row", fault, expected)
 
     yield from counted([k for k, width in enumerate(widths) if width != n], wrong)
 
@@ -306,7 +306,7 @@ def read_bytes(
     except (OSError, ValueError) as error:  # ValueError: a name that no file can have
         fault = f"cannot be read ({getattr(error, 'strerror', None) or error})"
         expected = "must be a readable file"
-    return b"", (Problem(file=file, line=1, column="file", found=fault, expected=expected),)
+    return b"", (Problem(file, 1, "file", fault, expected),)
 
 
 def read_text(
@@ -327,7 +327,7 @@ def read_text(
     if not fault:
         return text, hashlib.sha256(content).hexdigest(), ()
     line, expected = content.count(b"\n", 0, place) + 1, "must be UTF-8 text"
-    return "", "", (Problem(file=file, line=line, column="file", found=fault, expected=expected),)
+    return "", "", (Problem(file, line, "file", fault, expected),)
 
 
 def named_file(flight: Path, folder: Path, name: str) -> tuple[Path | None, str]:

@@ -48,15 +48,8 @@ class Toml:
     def problem(self, keys: tuple[str, ...], found: str, expected: str) -> Problem:
         """Return a problem of a key, with the line of the key or of its table."""
         known = (self.lines[keys[:n]] for n in range(len(keys), 0, -1) if keys[:n] in self.lines)
-        name = ".".join(_shown(key) for key in keys)
-        return Problem(
-            file=self.file,
-            line=-1 if self.in_memory else next(known, 1),
-            column=name,
-            found=found,
-            expected=expected,
-            in_memory=self.in_memory,
-        )
+        line, name = -1 if self.in_memory else next(known, 1), ".".join(map(_shown, keys))
+        return Problem(self.file, line, name, found, expected, in_memory=self.in_memory)
 
     def get(self, *keys: str) -> Any:
         """Return a value, None for a missing key."""
