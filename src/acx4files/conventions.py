@@ -633,8 +633,7 @@ ALIKE = 1.25
 """Ratio of misfits below which the simpler of two readings is named."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Found:
+class Found(NamedTuple):
     """A reading with a much smaller misfit than the given reading.
 
     Attributes
@@ -765,13 +764,7 @@ def _found(given: Mounted, fit: Mounted, reading: Reading, seen: Sightings, T_m_
         "position": (_range_m(seen, T_m_b, fit), "m", "position"),
         "image": (camera.interior.f / camera.pixel_mm, "px", "image measurements"),
     }[reading.quantity]
-    return Found(
-        name=reading.name,
-        quantity=quantity,
-        given=given.misfit * scale,
-        found=fit.misfit * scale,
-        unit=unit,
-    )
+    return Found(reading.name, quantity, given.misfit * scale, fit.misfit * scale, unit)
 
 
 def _range_m(seen: Sightings, T_m_b: Pose, fit: Mounted) -> float:
@@ -846,12 +839,11 @@ def other_unit(block: Block, seen: Sightings, given: Mounted) -> Found | None:
         sigma = sigmas[quantity]
         before = misfit / np.hypot(sigma, others)
         if alone and quantity == "position" and before < 1 / OFF:
-            return Found(name=SHARED, quantity=quantity, given=before, found=np.nan, unit="σ")
+            return Found(SHARED, quantity, before, np.nan, "σ")
         for unit, factor in units.items() if before > OFF or before < 1 / OFF else ():
             after = misfit / np.hypot(factor * sigma, others)
             if 1 / RIGHT < after < RIGHT:
-                name = f"sigma of {quantity} in {unit}"
-                return Found(name=name, quantity=quantity, given=before, found=after, unit="σ")
+                return Found(f"sigma of {quantity} in {unit}", quantity, before, after, "σ")
     return None
 
 

@@ -35,7 +35,7 @@ NOWHERE = (0.0, 0.0, 1e6)
 looks so far up, so the point is rejected as a gross error."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class BlockTables:
     """The tables of a block, and the folder of the flight with its pictures."""
 
@@ -86,20 +86,12 @@ def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
     own = folder / name / "control_points.csv"
     control = own if os.path.lexists(own) else folder / "control_points.csv"
     needs = {control: f"block {name} without its own"}
-    images, image_points, trajectory, surveyed = (
-        read_columns(
-            path, str(path), SCHEMAS[path.name], needed_by=needs.get(path, f"block {name}")
-        )
-        for path in (*(folder / name / f"{table}.csv" for table in TABLES), control)
+    paths = (*(folder / name / f"{table}.csv" for table in TABLES), control)
+    tables = (
+        read_columns(p, str(p), SCHEMAS[p.name], needed_by=needs.get(p, f"block {name}"))
+        for p in paths
     )
-    return BlockTables(
-        name=name,
-        pictures=pictures,
-        images=images,
-        image_points=image_points,
-        trajectory=trajectory,
-        control=surveyed,
-    )
+    return BlockTables(name, pictures, *tables)
 
 
 def without_points(tables: BlockTables) -> BlockTables:
@@ -109,21 +101,18 @@ def without_points(tables: BlockTables) -> BlockTables:
     """
     lacks = {ABSENT, NO_ROWS, "is empty"}
     if not {problem.found for problem in tables.image_points.problems}.isdisjoint(lacks):
-        points = _empty("image_points", tables.image_points.file)
-        tables = replace(tables, image_points=points)
+        tables = replace(tables, image_points=_without_rows(tables.image_points, "image_points"))
     if ABSENT in {problem.found for problem in tables.control.problems}:
-        control = _empty("control_points", tables.control.file)
-        tables = replace(tables, control=control)
+        tables = replace(tables, control=_without_rows(tables.control, "control_points"))
     return tables
 
 
-def _empty(table: str, file: str) -> Table:
-    """Return a table without rows."""
-    required = SCHEMAS[f"{table}.csv"].required
+def _without_rows(table: Table, name: str) -> Table:
+    required = SCHEMAS[f"{name}.csv"].required
     return Table(
-        file=file,
-        text={name: () for name in required if name not in RANGES},
-        numbers={name: np.zeros(0) for name in required if name in RANGES},
+        file=table.file,
+        text={column: () for column in required if column not in RANGES},
+        numbers={column: np.zeros(0) for column in required if column in RANGES},
     )
 
 

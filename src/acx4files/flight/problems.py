@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
+from pathlib import Path
 
 from acx4lib.errors import visible
 from acx4lib.expected import Index
@@ -27,7 +28,7 @@ _ZEROS = re.compile(r"(?<!\d)0+(?=\d)")
 """Between letters and digits, and before a number: what `same_but_for_writing` passes over."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Problem:
     """One problem at one place of a file or table.
 
@@ -65,6 +66,12 @@ class Problem:
 
     def __str__(self) -> str:
         return visible(f"{self.place}: {self.column}: {self.found}; {self.expected}")
+
+
+def whole(of: str | Path, column: str, fault: str, cure: str) -> Problem:
+    """Return a problem of a folder, or of a table in memory, as a whole."""
+    in_memory = isinstance(of, str)
+    return Problem(str(of), -1 if in_memory else 1, column, fault, cure, in_memory=in_memory)
 
 
 def counted(rows: Sequence[int] | Index, problem: Callable[[int], Problem]) -> Iterator[Problem]:

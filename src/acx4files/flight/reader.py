@@ -28,6 +28,7 @@ from acx4files.flight.block_from_tables import (
     used_exposures,
 )
 from acx4files.flight.problems import (
+    ABSENT,
     SHOWN,
     Problem,
     counted,
@@ -36,6 +37,7 @@ from acx4files.flight.problems import (
     lines_of,
     quoted,
     same_but_for_writing,
+    whole,
 )
 from acx4files.flight.settings import KNOWN, Setup, flight_table, setup_of
 from acx4files.flight.table_files import Columns, named_file, table_in_memory
@@ -167,10 +169,10 @@ def read(path: str | Path, *, pictures: str | Path = "") -> Flight:
     folder = Path(path)
     if not os.path.isdir(folder):  # noqa: PTH112 no error for a name that no file can have
         cure = "must be the folder of a flight, with a flight.toml"
-        raise FlightError(lines_of([_of_folder(folder, "is no folder", cure)]))
+        raise FlightError(lines_of([whole(folder, "folder", "is no folder", cure)]))
     toml, blocks = read_toml(folder / "flight.toml"), _read_blocks(folder, Path(pictures or path))
     others = [
-        _of_folder(folder / name, "is no folder", "must be the folder of a block")
+        whole(folder / name, "folder", "is no folder", "must be the folder of a block")
         for name in BLOCKS
         if os.path.lexists(folder / name) and not (folder / name).is_dir()
     ]
@@ -182,7 +184,7 @@ def read(path: str | Path, *, pictures: str | Path = "") -> Flight:
     if not blocks:
         stray = "".join(f" ({name} is in none)" for name in strays)
         cure = f"needs at least one of the folders {', '.join(f'{name}/' for name in BLOCKS)}"
-        others.insert(0, _of_folder(folder, f"no block at all{stray}", cure))
+        others.insert(0, whole(folder, "folder", f"no block at all{stray}", cure))
     notes = [f"{name} is in no block and is not read" for name in strays]
     notes += [
         f"{table.relative_to(folder)} is not read: distances are no observations any more"
@@ -241,7 +243,7 @@ def read_kept(path: str | Path) -> Flight:
     """
     folder = Path(path)
     toml, blocks = read_toml(folder / "flight.toml"), _read_blocks(folder, folder)
-    none = [] if blocks else [_of_folder(folder, "no block at all", "needs one at least")]
+    none = [] if blocks else [whole(folder, "folder", "no block at all", "needs one at least")]
     return checked(toml, blocks, problems=none, kept=True)
 
 
@@ -258,10 +260,6 @@ def table_files(flight: Flight) -> list[Path]:
 
 def _read_blocks(folder: Path, pictures: Path) -> list[BlockTables]:
     return [read_block(folder, n, pictures=pictures) for n in BLOCKS if (folder / n).is_dir()]
-
-
-def _of_folder(folder: Path, fault: str, cure: str) -> Problem:
-    return Problem(file=str(folder), line=1, column="folder", found=fault, expected=cure)
 
 
 def _flight(
@@ -342,10 +340,6 @@ def _image_files(tables: BlockTables) -> tuple[Path | None, ...]:
     return tuple(named_file(inside, block, name)[0] if name else None for name in names)
 
 
-LEAST_ORIENTING = 3
-"""Measured points that orient an image."""
-
-
 def _notes(tables: BlockTables) -> Iterator[str]:
     """Yield what is odd in the tables of a block, and allowed."""
     for table in tables.tables:
@@ -353,38 +347,33 @@ def _notes(tables: BlockTables) -> Iterator[str]:
     surveyed = tables.control.text["point"]
     ties = tables.rays.keys() - set(surveyed)
     count = Counter(tables.image_points.text["image"])
-    images = [name for name in tables.images.text["image"] if name not in count]
-    few = [name for name, n in count.items() if n < LEAST_ORIENTING]
-    rows, control = len(tables.trajectory), len(tables.control)
-    for n, phrase in (
+    empty = [name for name in tables.images.text["image"] if count and name not in count]
+    orienting = 3  # measured points
+    few = [name for name, n in count.items() if n < orienting and tables.name != "validation"]
+    single = [name for name in ties if tables.rays[name] == 1]
+    unused, lost = ~used_exposures(tables), ~measured_control(tables)
+    pairs = same_but_for_writing([surveyed[row] for row in np.flatnonzero(lost).tolist()], ties)
+    written = _some([f"{name!r} as {other!r}" for name, other in pairs.items()])
+    of_images = f"of {len(tables.images)} images have"
+    of_control = f"of {len(lost)} control points"
+    for n, says in (
+        (len(single), f"of {len(ties)} tie points are measured only once"),
+        (len(empty), f"{of_images} no measurements: {_some(empty)}"),
         (
-            sum(tables.rays[name] == 1 for name in ties),
-            f"of {len(ties)} tie points are measured only once",
+            len(few),
+            f"{of_images} fewer than {orienting} measurements, which orient no image by "
+            f"themselves: {_some(few)}",
         ),
+        (unused.sum(), f"of {len(unused)} trajectory rows belong to no image"),
+        (lost.sum(), f"{of_control} are not measured"),
         (
-            len(images) if count else 0,
-            f"of {len(tables.images)} images have no measurements: {_some(images)}",
-        ),
-        (
-            len(few) if tables.name != "validation" else 0,
-            f"of {len(tables.images)} images have fewer than {LEAST_ORIENTING} measurements, which "
-            f"orient no image by themselves: {_some(few)}",
-        ),
-        (rows - int(used_exposures(tables).sum()), f"of {rows} trajectory rows belong to no image"),
-        (
-            control - int(measured_control(tables).sum()),
-            f"of {control} control points are not measured",
+            len(pairs),
+            f"{of_control} seem to be measured as tie points, under names that are written "
+            f"otherwise: {written}",
         ),
     ):
         if n:
-            yield f"{tables.name}: {n} {phrase}"
-    lost = [name for name in surveyed if name not in tables.rays]
-    if pairs := same_but_for_writing(lost, ties):
-        listed = _some([f"{name!r} as {other!r}" for name, other in pairs.items()])
-        yield (
-            f"{tables.name}: {len(pairs)} of {control} control points seem to be "
-            f"measured as tie points, under names that are written otherwise: {listed}"
-        )
+            yield f"{tables.name}: {n} {says}"
 
 
 def _some(names: list[str]) -> str:
@@ -435,51 +424,42 @@ def from_tables(
     if wrong:
         raise FlightError(lines_of(wrong))
     toml = Toml(folder=Path(), file="settings", values=_plain(settings), in_memory=True)
+    none = dict.fromkeys(SCHEMAS[f"{CONTROL}.csv"].required, np.zeros(0))
+    shared = none if control_points is None else control_points
     blocks = []
     for name, tables in present.items():
         made = {
             table: table_in_memory(columns, f"{name}.{table}", SCHEMAS[f"{table}.csv"])
             for table, columns in tables.items()
-            if table != CONTROL
+            if columns is not None or table != CONTROL
         }
-        own = tables.get(CONTROL)
-        shared = NO_CONTROL if control_points is None else control_points
-        control = table_in_memory(
-            shared if own is None else own,
-            CONTROL if own is None else f"{name}.{CONTROL}",
-            SCHEMAS[f"{CONTROL}.csv"],
-        )
+        if CONTROL not in made:
+            made[CONTROL] = table_in_memory(shared, CONTROL, SCHEMAS[f"{CONTROL}.csv"])
+        control = made.pop(CONTROL)
         blocks.append(BlockTables(name=name, pictures=Path(), control=control, **made))
     flight = checked(toml, blocks)
     sums = {f"{b.name}/{t}.csv": getattr(b, t).sha256 for b in blocks for t in TABLES}
     return replace(flight, path=PLACE, pictures=PLACE, sha256=sums)
 
 
-NO_CONTROL = dict.fromkeys(("point", "east_m", "north_m", "height_m"), np.zeros(0))
-
-
 def _missing(blocks: Mapping[str, Tables], settings: object) -> Iterator[Problem]:
     """Yield missing blocks, and blocks and tables of a wrong type or name."""
     if not isinstance(settings, Mapping):
-        yield _in_memory("settings", "settings", f"is {kind_of(settings)}", "must be a dict")
+        yield whole("settings", "settings", f"is {kind_of(settings)}", "must be a dict")
     if not blocks:
         cure = "must have one at least: heads, calibration or validation"
-        yield _in_memory("flight", "blocks", "no block at all", cure)
+        yield whole("flight", "blocks", "no block at all", cure)
     known = (*TABLES, CONTROL)
     for block, tables in blocks.items():
         if not isinstance(tables, Mapping):
             cure = f"must be a dict of the tables {', '.join(TABLES)}"
-            yield _in_memory(block, "tables", f"is {kind_of(tables)}", cure)
+            yield whole(block, "tables", f"is {kind_of(tables)}", cure)
             continue
         for table in (table for table in tables if table not in known):
             fault = f"unknown table{did_you_mean(table, known)}"
-            yield _in_memory(block, str(table), fault, f"must be one of {', '.join(known)}")
+            yield whole(block, str(table), fault, f"must be one of {', '.join(known)}")
         for table in (table for table in TABLES if table not in tables):
-            yield _in_memory(block, table, "missing", "required")
-
-
-def _in_memory(table: str, column: str, fault: str, cure: str) -> Problem:
-    return Problem(file=table, line=-1, column=column, found=fault, expected=cure, in_memory=True)
+            yield whole(block, table, "missing", "required")
 
 
 def _plain(value: Any) -> Any:
@@ -516,7 +496,7 @@ def _name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
 
 def _time_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
     """Yield requested drifts, delays or correlations for which strips or times are missing."""
-    keys = ("stages", "mounting", "gnss")
+    keys, apriori = ("stages", "mounting", "gnss"), toml.table("apriori")
     asked = toml.get(*keys) if tables.name == "calibration" else None
     asked = asked if isinstance(asked, list) else []
     if not any(tables.images.text.get("strip", ())):
@@ -527,9 +507,8 @@ def _time_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
         cure = f"needs times in {tables.trajectory.file}, column time_s"
         if "delay" in asked:
             yield toml.problem(keys, repr("delay"), cure)
-        for key in ("gnss_correlation_s", "attitude_correlation_s"):
-            if key in (apriori := toml.table("apriori")):
-                yield toml.problem(("apriori", key), quoted(apriori[key]), cure)
+        for key in (key for key in apriori if key.endswith("_correlation_s")):
+            yield toml.problem(("apriori", key), quoted(apriori[key]), cure)
 
 
 def _unknown(table: Table, column: str, known: Collection[str], cure: str) -> Iterator[Problem]:
@@ -555,7 +534,7 @@ def _file_problems(tables: BlockTables) -> Iterator[Problem]:
 
     def wrong(row: int) -> Problem:
         fault = f"{quoted(names[row])} {faults[names[row]]}"
-        hint = _other_file(inside, block, names[row]) if fault.endswith("is not there") else ""
+        hint = _other_file(inside, block, names[row]) if faults[names[row]] == ABSENT else ""
         return images.problem(row, "file", f"{fault}{hint}", expected)
 
     yield from counted(rows, wrong)
@@ -567,13 +546,10 @@ def _other_file(inside: Path, block: Path, name: str) -> str:
     if path.is_absolute() or ".." in path.parts:
         return ""
     for folder in dict.fromkeys((path.parent, PurePosixPath("images"), PurePosixPath())):
-        try:
-            there = sorted(one.name for one in (block / folder).iterdir())
-        except OSError:
-            continue
-        same = (str(folder / one) for one in there if one.casefold() == path.name.casefold())
-        for other in same:
-            if named_file(inside, block, other)[0]:
+        there = sorted((block / folder).glob("*")) if (block / folder).is_dir() else []
+        for one in there:
+            other = str(folder / one.name)
+            if one.name.casefold() == path.name.casefold() and named_file(inside, block, other)[0]:
                 return f" (did you mean {other!r}?)"
     return ""
 
@@ -698,12 +674,10 @@ def _height_problems(tables: BlockTables) -> Iterator[Problem]:
         return
     control, trajectory = tables.control, tables.trajectory
     height, flown = control.numbers["height_m"], trajectory.numbers["height_m"]
-    lowest = int(np.flatnonzero(measured)[np.argmin(height[measured])])
-    highest: dict[str, int] = {}
-    for row, exposure in _surveyed_rays(tables):
-        if height[row] > height[highest.setdefault(exposure, row)]:
-            highest[exposure] = row
-    above = np.array([highest.get(name, lowest) for name in trajectory.text["exposure"]])
+    point, exposure = _surveyed_rays(tables)
+    rising = np.argsort(-height[point], kind="stable")[::-1]  # of equal heights the first is last
+    above = np.full(len(flown), np.flatnonzero(measured)[np.argmin(height[measured])])
+    above[exposure[rising]] = point[rising]
     below = flown <= height[above]
     feet = below.mean() > 0.5 and (flown > FOOT * height[above]).all()
 
@@ -716,13 +690,13 @@ def _height_problems(tables: BlockTables) -> Iterator[Problem]:
     yield from counted(np.flatnonzero(used_exposures(tables) & below), problem)
 
 
-def _surveyed_rays(tables: BlockTables) -> Iterator[tuple[int, str]]:
-    """Yield the row of the surveyed point and the exposure of each of its measurements."""
-    exposure = dict(zip(tables.images.text["image"], tables.images.text["exposure"], strict=True))
-    measured = tables.image_points.text
-    rows = index_of(measured["point"], tables.control.text["point"])
-    for i in np.flatnonzero(rows >= 0).tolist():
-        yield int(rows[i]), exposure[measured["image"][i]]
+def _surveyed_rays(tables: BlockTables) -> tuple[Index, Index]:
+    """Return the rows of the surveyed point and of the exposure of each of its measurements."""
+    images, measured = tables.images.text, tables.image_points.text
+    point = index_of(measured["point"], tables.control.text["point"])
+    flown = index_of(images["exposure"], tables.trajectory.text["exposure"])
+    exposure = flown[index_of(measured["image"], images["image"])]
+    return point[point >= 0], exposure[point >= 0]
 
 
 # --- Notes on strange positions of points; they are no reason to refuse the flight
@@ -730,9 +704,6 @@ def _surveyed_rays(tables: BlockTables) -> Iterator[tuple[int, str]]:
 
 ABSURD = 4.0
 """Distance from the measurements, in quarters of the image diagonal: far outside the image."""
-
-SHARE, ENOUGH = 10, 3
-"""At most one row in `SHARE`, or one row, is single; at least `ENOUGH` others must remain."""
 
 BESIDE_DEG = 3.0
 """Allowed distance from the area of use of a CRS: zones are used beyond their borders."""
@@ -747,19 +718,15 @@ def _without_single_rows(tables: BlockTables, grid: GridSystem) -> BlockTables:
     """
     rows = np.flatnonzero(measured_control(tables))
     lonlat = lonlat_of(tables.control.numbers, grid)[rows]
-    on_earth = np.flatnonzero(np.isfinite(lonlat).all(axis=1))
-    wrong = np.ones(len(rows), dtype=bool)
-    wrong[on_earth] = ~np.isfinite(grid.undulation(lonlat[on_earth]))
-    height, trajectory = tables.control.numbers["height_m"], tables.trajectory
-    used = trajectory.numbers["height_m"][used_exposures(tables)]
-    if np.any(height[rows] >= used.min(initial=np.inf)):
-        flown = dict(zip(trajectory.text["exposure"], trajectory.numbers["height_m"], strict=True))
-        highest = np.full(len(height), np.median(used))
-        for row, exposure in _surveyed_rays(tables):
-            highest[row] = max(highest[row], flown[exposure])
-        wrong |= height[rows] >= highest[rows]
+    wrong = ~np.isfinite(lonlat.sum(axis=1))
+    wrong[~wrong] = ~np.isfinite(grid.undulation(lonlat[~wrong]))
+    height, flown = tables.control.numbers["height_m"], tables.trajectory.numbers["height_m"]
+    point, exposure = _surveyed_rays(tables)
+    highest = np.full(len(height), np.median(flown[used_exposures(tables)]))
+    np.maximum.at(highest, point, flown[exposure])
+    wrong |= height[rows] >= highest[rows]
     n = int(wrong.sum())
-    if n > max(1, len(rows) // SHARE) or len(rows) - n < ENOUGH:
+    if n > max(1, len(rows) // 10) or len(rows) - n < 3:
         return tables
     keep = np.ones(len(tables.control), dtype=bool)
     keep[rows[wrong]] = False
@@ -786,9 +753,16 @@ def _control_notes(tables: BlockTables, block: Block) -> Iterator[str]:
 
 def _unobserved_parts(block: Block) -> tuple[str, ...]:
     """Return the mounting parts that the trajectory does not observe, named as in `fix`."""
-    attitudes = bool(np.isfinite(block.trajectory.sigma_attitude).all(axis=1).any())
-    lever = () if _observed(block) and attitudes else ("lever_arm",)
-    return (*lever, *(() if attitudes else ("boresight",)))
+    positions, attitudes = _observed(block)
+    lever = () if positions and attitudes else ("lever_arm",)
+    return lever if attitudes else (*lever, "boresight")
+
+
+def _observed(block: Block) -> tuple[bool, bool]:
+    """Tell whether positions and attitudes are observed at any exposure."""
+    sigmas = (block.trajectory.sigma_position, block.trajectory.sigma_attitude)
+    positions, attitudes = (bool(np.isfinite(sigma).all(axis=1).any()) for sigma in sigmas)
+    return positions, attitudes
 
 
 def _held_notes(setup: Setup) -> Iterator[str]:
@@ -808,20 +782,14 @@ def _datum_notes(block: Block) -> Iterator[str]:
     if not block.frame.grid.is_local:
         return
     if block.name == "calibration" and (held := _unobserved_parts(block)):
-        unknown = "positions nor attitudes" if not _observed(block) else "attitudes"
-        lack = "has neither sigma of" if not _observed(block) else "has no sigma of"
+        lack = "no sigma of" if _observed(block)[0] else "neither sigma of positions nor"
         parts = " and ".join(name.replace("_", " ") for name in held)
         yield (
-            f"{block.name}: the trajectory {lack} {unknown}, which are start values alone; "
+            f"{block.name}: the trajectory has {lack} attitudes, which are start values alone; "
             f"{parts} are held"
         )
     if lack := no_datum(block):
         yield lack
-
-
-def _observed(block: Block) -> bool:
-    """Tell whether positions are observed."""
-    return bool(np.isfinite(block.trajectory.sigma_position).all(axis=1).any())
 
 
 def _refraction_notes(setup: Setup, blocks: Mapping[str, Block]) -> Iterator[str]:

@@ -28,8 +28,10 @@ from acx4files.flight.toml_file import (
     choices,
     date,
     defaults,
+    fits,
     is_number,
     is_text,
+    known_names,
     name_problems,
     no_problems,
     number,
@@ -51,15 +53,8 @@ from acx4lib.geometry.parameters import ATTITUDE, GNSS, Prior
 from acx4lib.least_squares.covariance import GaussMarkov
 from acx4lib.model import Model
 
-INWARD, OUTWARD = 0.25, 0.5
-"""Largest corrections of a corner, in half diagonals: a third inwards would fold a lens of k1
-alone, and outwards a fisheye needs a quarter and more."""
-
 FORMAT = 6
 """The latest format of flight.toml; all earlier formats are understood as well."""
-
-MOST_REASON = 200
-"""Largest number of characters of a message of PROJ that is repeated."""
 
 
 def flight_table(toml: Toml) -> Table:
@@ -82,17 +77,6 @@ def _crs_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
 def _height_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
     value = number(_UNDULATION) if is_number(toml.get(*keys)) else text(_HEIGHTS)
     yield from value.problems(toml, keys)
-
-
-def _format_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
-    if toml.get(*keys) not in range(1, FORMAT + 1):
-        expected = f"must be a whole number up to {FORMAT}; a larger one is of a later acx4"
-        yield toml.problem(keys, quoted(toml.get(*keys)), expected)
-
-
-def _flag_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
-    if not isinstance(toml.get(*keys), bool):
-        yield toml.problem(keys, quoted(toml.get(*keys)), "must be true or false")
 
 
 def _halves(toml: Toml, keys: Keys) -> Iterator[Problem]:
@@ -126,7 +110,7 @@ def _grid_problems(toml: Toml, _: Keys) -> Iterator[Problem]:
         try:
             _grid_of(toml)
         except ValueError as error:
-            reason = " ".join(str(error.__cause__ or error).split())[:MOST_REASON]
+            reason = " ".join(str(error.__cause__ or error).split())[:200]
             if path is not None and type(error.__cause__) is ProjError:
                 reason = "PROJ cannot read it as a geoid grid"
             fault = f"{quoted(heights)} cannot be used{hint or f' ({reason})'}"
@@ -163,7 +147,8 @@ def _lens_problems(toml: Toml, keys: tuple[str, ...]) -> Iterator[Problem]:
     corners = half * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
     radius, dxy = float(np.hypot(*half)), distortion(camera.interior, corners)
     worst, inward = float(np.abs(dxy).max()), float(np.max(np.sum(dxy * corners, axis=1))) / radius
-    if worst > OUTWARD * radius or inward > INWARD * radius:
+    # A third inwards would fold a lens of k1 alone; outwards a fisheye needs a quarter and more.
+    if worst > 0.5 * radius or inward > 0.25 * radius:
         fault = f"distortion by k1 to p2 reaches {worst:.3g} mm at a corner"
         yield toml.problem(keys, fault, "must be small; k1 in mm^-2, k2 in mm^-4, k3 in mm^-6")
     for axis, key in enumerate(("xp_mm", "yp_mm")):
@@ -176,21 +161,13 @@ def _lens_problems(toml: Toml, keys: tuple[str, ...]) -> Iterator[Problem]:
 def _synthetic_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
     """Yield unknown or repeated names of the synthetic camera and its heads."""
     table, cameras = toml.table(*keys), toml.table("cameras")
-    camera, heads = table.get("camera"), table.get("heads")
-    listed = [("camera", camera)] if "camera" in table else []
-    if "heads" in table and (not isinstance(heads, list) or not heads):
+    camera, heads, cure = table.get("camera"), table.get("heads"), "must be one of [cameras.…]"
+    if "camera" in table:
+        yield from known_names(toml, (*keys, "camera"), [camera], cameras, cure)
+    if isinstance(heads, list) and heads:
+        yield from known_names(toml, (*keys, "heads"), heads, cameras, cure, before=[camera])
+    elif "heads" in table:
         yield toml.problem((*keys, "heads"), quoted(heads), "must be a list of cameras")
-    elif heads:
-        listed += [("heads", head) for head in heads]
-    seen = set()
-    for key, name in listed:
-        if not isinstance(name, str) or name not in cameras:
-            fault = f"{quoted(name)}{did_you_mean(name, cameras)}"
-            yield toml.problem((*keys, key), fault, "must be one of [cameras.…]")
-        elif name in seen:
-            yield toml.problem((*keys, key), f"{quoted(name)} again", "every camera once")
-        else:
-            seen.add(name)
 
 
 def _device_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
@@ -379,7 +356,11 @@ FLIGHT = Table(
         "crs": Value('code, WKT or PROJ string of a projected CRS, or `"local"`', _crs_problems),
         "heights": Value("text, or a number", _height_problems),
         "refraction": choice(("none", "standard")),
-        "simulated": Value("`true` or `false`; default `false`", _flag_problems),
+        "simulated": fits(
+            "`true` or `false`; default `false`",
+            "must be true or false",
+            lambda value: isinstance(value, bool),
+        ),
         "cameras": Tables(of=CAMERA, whole=_whole_problems, named=name_problems),
         "synthetic": Table(
             keys={
@@ -431,7 +412,11 @@ FLIGHT = Table(
             },
             rules=[_device_problems],
         ),
-        "format": Value(f"whole number from 1 to {FORMAT}", _format_problems),
+        "format": fits(
+            f"whole number from 1 to {FORMAT}",
+            f"must be a whole number up to {FORMAT}; a larger one is of a later acx4",
+            lambda value: value in range(1, FORMAT + 1),
+        ),
     },
     required=("name", "crs", "heights", "cameras"),
     default={"refraction": "none"},

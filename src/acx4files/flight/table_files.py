@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -27,6 +27,7 @@ from acx4files.flight.problems import (
     did_you_mean,
     kind_of,
     quoted,
+    whole,
 )
 from acx4files.flight.tables import Schema, Table, faulty, form_of, numbers_of
 from acx4lib.expected import Array
@@ -132,7 +133,7 @@ def _header_problems(file: str, header: Sequence[str], schema: Schema) -> Iterat
     """Yield the problems of the columns of a table."""
 
     def wrong(column: str, fault: str, expected: str) -> Problem:
-        return Problem(file=file, line=1, column=column, found=fault, expected=expected)
+        return Problem(file, 1, column, fault, expected)
 
     if len(header) == 1 and (separator := _separator(header[0], schema)):
         cure = "must be separated by commas, numbers with decimal points"
@@ -195,7 +196,7 @@ def width_problems(
         why = "cut off?" if widths[k] < n else hint
         fault = f"has {widths[k]} cells ({why})" if widths[k] else "is blank"
         expected = f"as many as the header: {n}"
-        return Problem(file=file, line=lines[k], column="row", found=fault, expected=expected)
+        return Problem(file, lines[k], "row", fault, expected)
 
     yield from counted([k for k, width in enumerate(widths) if width != n], wrong)
 
@@ -327,7 +328,7 @@ def read_bytes(
     except (OSError, ValueError) as error:  # ValueError: a name that no file can have
         fault = f"cannot be read ({getattr(error, 'strerror', None) or error})"
         expected = "must be a readable file"
-    return b"", (Problem(file=file, line=1, column="file", found=fault, expected=expected),)
+    return b"", (Problem(file, 1, "file", fault, expected),)
 
 
 def read_text(
@@ -348,7 +349,7 @@ def read_text(
     if not fault:
         return text, hashlib.sha256(content).hexdigest(), ()
     line, expected = content.count(b"\n", 0, place) + 1, "must be UTF-8 text"
-    return "", "", (Problem(file=file, line=line, column="file", found=fault, expected=expected),)
+    return "", "", (Problem(file, line, "file", fault, expected),)
 
 
 def named_file(flight: Path, folder: Path, name: str) -> tuple[Path | None, str]:
@@ -384,18 +385,7 @@ PICTURES = ("file",)
 """Columns that a table in memory does not have: it has no folder in which files could lie."""
 
 
-class Frame(Protocol):
-    """Common interface of the DataFrames of pandas and other libraries."""
-
-    @property
-    def columns(self) -> Any:
-        """Names of the columns."""
-
-    def __getitem__(self, column: str, /) -> Any:
-        """Return a column."""
-
-
-Columns = Mapping[str, Any] | Frame
+Columns = Mapping[str, Any] | pd.DataFrame
 """A table in memory: arrays or lists by the names of their columns, or a DataFrame."""
 
 
@@ -413,14 +403,13 @@ def table_in_memory(columns: Columns, name: str, schema: Schema) -> Table:
     """
     schema = replace(schema, optional=tuple(c for c in schema.optional if c not in PICTURES))
     names = columns if isinstance(columns, Mapping) else getattr(columns, "columns", None)
-    wrong = Problem(file=name, line=-1, column="table", found="", expected="", in_memory=True)
+    table = Table(file=name, in_memory=True, whole=False)
     if names is None:
         fault, cure = f"is {kind_of(columns)}", "must be a DataFrame, or a dict of arrays"
-        return Table(file=name, problems=(replace(wrong, found=fault, expected=cure),))
+        return replace(table, problems=(whole(name, "table", fault, cure),))
     header = [str(column) for column in names] or [""]
     problems = [
-        replace(problem, line=-1, in_memory=True)
-        for problem in _header_problems(name, header, schema)
+        whole(name, p.column, p.found, p.expected) for p in _header_problems(name, header, schema)
     ]
     arrays: dict[str, NDArray[Any]] = {
         c: np.asarray(columns[c], dtype=object if isinstance(columns[c], list | tuple) else None)
@@ -430,14 +419,14 @@ def table_in_memory(columns: Columns, name: str, schema: Schema) -> Table:
     n = max((len(values) for values in arrays.values() if values.ndim == 1), default=0)
     cure = f"must be one value for each row, shape ({n},)"
     problems += [
-        replace(wrong, column=column, found=f"has shape {values.shape}", expected=cure)
+        whole(name, column, f"has shape {values.shape}", cure)
         for column, values in arrays.items()
         if values.shape != (n,)
     ]
-    notes = tuple(_extra_notes(name, header, schema))
-    table = Table(file=name, in_memory=True, lines=np.arange(n), notes=notes)
     if problems:
-        return replace(table, problems=tuple(problems), whole=False)
+        return replace(table, problems=tuple(problems))
+    notes = tuple(_extra_notes(name, header, schema))
+    table = replace(table, lines=np.arange(n), notes=notes, whole=True)
     cells: dict[str, Any] = {}
     for column, values in arrays.items():
         if column in schema.ranges and values.dtype.kind in "fiu":

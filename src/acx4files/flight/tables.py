@@ -62,14 +62,8 @@ class Table:
 
     def problem(self, row: int, column: str, found: str, expected: str) -> Problem:
         """Return a problem of a row."""
-        return Problem(
-            file=self.file,
-            line=int(self.lines[row]) if len(self) else 1,
-            column=column,
-            found=found,
-            expected=expected,
-            in_memory=self.in_memory,
-        )
+        line = int(self.lines[row]) if len(self) else 1
+        return Problem(self.file, line, column, found, expected, in_memory=self.in_memory)
 
     def has(self, *columns: str) -> bool:
         """Tell whether the table has all these columns."""
@@ -81,9 +75,7 @@ class Table:
         return replace(
             self,
             lines=self.lines[rows],
-            text={
-                name: tuple(cells[i] for i in rows.tolist()) for name, cells in self.text.items()
-            },
+            text={name: [cells[i] for i in rows.tolist()] for name, cells in self.text.items()},
             numbers={name: values[keep] for name, values in self.numbers.items()},
         )
 

@@ -48,15 +48,8 @@ class Toml:
     def problem(self, keys: tuple[str, ...], found: str, expected: str) -> Problem:
         """Return a problem of a key, with the line of the key or of its table."""
         known = (self.lines[keys[:n]] for n in range(len(keys), 0, -1) if keys[:n] in self.lines)
-        name = ".".join(_shown(key) for key in keys)
-        return Problem(
-            file=self.file,
-            line=-1 if self.in_memory else next(known, 1),
-            column=name,
-            found=found,
-            expected=expected,
-            in_memory=self.in_memory,
-        )
+        line, name = -1 if self.in_memory else next(known, 1), ".".join(map(_shown, keys))
+        return Problem(self.file, line, name, found, expected, in_memory=self.in_memory)
 
     def get(self, *keys: str) -> Any:
         """Return a value, None for a missing key."""
@@ -222,36 +215,51 @@ def choice(values: tuple[str, ...], expected: str = "") -> Value:
 
 def choices(values: tuple[str, ...]) -> Value:
     """Describe a list of a few allowed texts, each at most once."""
+    listed = ", ".join(values)
 
     def problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
-        names, listed = toml.get(*keys), ", ".join(values)
-        if not isinstance(names, list):
+        names = toml.get(*keys)
+        if isinstance(names, list):
+            yield from known_names(toml, keys, names, values, f"must be of {listed}")
+        else:
             yield toml.problem(keys, quoted(names), f"must be a list of {listed}")
-            return
-        seen = set()
-        for name in names:
-            if not isinstance(name, str) or name not in values:
-                yield toml.problem(
-                    keys, f"{quoted(name)}{did_you_mean(name, values)}", f"must be of {listed}"
-                )
-            elif name in seen:
-                yield toml.problem(keys, f"{name!r} again", "every name once")
-            else:
-                seen.add(name)
 
     return Value(f"list of {choice(values).says}", problems, values)
 
 
-def date(*, timed: bool = False) -> Value:
-    """Describe a date; with a time of day only if `timed`."""
-    requirement = "date without quotes, as 2026-05-02"
+def known_names(
+    toml: Toml,
+    keys: Keys,
+    names: Iterable[object],
+    known: Collection[str],
+    expected: str,
+    before: Iterable[object] = (),
+) -> Iterator[Problem]:
+    """Yield names that are not known, and those that are repeated or in `before`."""
+    seen = [*before]
+    for name in names:
+        if not isinstance(name, str) or name not in known:
+            yield toml.problem(keys, f"{quoted(name)}{did_you_mean(name, known)}", expected)
+        elif name in seen:
+            yield toml.problem(keys, f"{name!r} again", "every name once")
+        seen.append(name)
+
+
+def fits(says: str, expected: str, right: Callable[[Any], bool]) -> Value:
+    """Describe a value that is right or wrong as a whole."""
 
     def problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
-        value = toml.get(*keys)
-        if not isinstance(value, dt.date) or (isinstance(value, dt.datetime) and not timed):
-            yield toml.problem(keys, quoted(value), f"must be a {requirement}")
+        if not right(value := toml.get(*keys)):
+            yield toml.problem(keys, quoted(value), expected)
 
-    return Value(requirement, problems)
+    return Value(says, problems)
+
+
+def date(*, timed: bool = False) -> Value:
+    """Describe a date; with a time of day only if `timed`."""
+    says = "date without quotes, as 2026-05-02"
+    kinds = (dt.date, dt.datetime) if timed else (dt.date,)
+    return fits(says, f"must be a {says}", lambda value: type(value) in kinds)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -340,10 +348,8 @@ def rows(table: Table, keys: Keys = ()) -> Iterator[tuple[Keys, Value, str]]:
             yield from rows(value, key_path)
         else:
             required = ["required"] if key in table.required else []
-            default = table.default.get(key)
-            default = (
-                [f"default {_written(table.default[key])}"] if default not in (None, ()) else []
-            )
+            given = [table.default[key]] if table.default.get(key) not in (None, ()) else []
+            default = [f"default {_written(one)}" for one in given]
             yield key_path, value, "; ".join([value.says, *required, *default])
 
 

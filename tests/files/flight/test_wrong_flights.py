@@ -26,17 +26,17 @@ from support.flights.written import (
 )
 from support.helpers import flight_problems as problems
 
-ROWS = tomllib.loads((Path(__file__).parent / "wrong_flights.toml").read_text("utf-8"))["row"]
+WRONG = tomllib.loads((Path(__file__).parent / "wrong_flights.toml").read_text("utf-8"))
+ROWS = [(file, *row) for file, rows in WRONG.items() for row in rows]
 
 
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row['file']}: {row['says'][:40]}")
-def test_one_mistake_is_one_line_with_its_place(tmp_path, row):
-    replace(write_flight(tmp_path), row["file"], row["old"], row["new"], 1)
+@pytest.mark.parametrize(("file", "line", "old", "new", "says"), ROWS)
+def test_one_mistake_is_one_line_with_its_place(tmp_path, file, line, old, new, says):
+    replace(write_flight(tmp_path), file, old, new, 1)
     found = problems(tmp_path)
-    says = f"{row['file']}:{row['line']}: {row['says']}"
-    assert any(line.startswith(says) for line in found), found
+    assert any(one.startswith(f"{file}:{line}: {says}") for one in found), found
     # what follows from the mistake, such as a missing column, stands in the same file
-    assert all(line.startswith(row["file"]) for line in found)
+    assert all(one.startswith(file) for one in found)
 
 
 def test_all_problems_are_said_at_once_and_many_alike_are_counted(tmp_path):
