@@ -314,11 +314,7 @@ def _fit_problems(tables: BlockTables, setup: Setup, toml: Toml) -> Iterator[Pro
     """Yield surveyed points that do not project near their measurements, and the likely mistake."""
     named = {"image_points": tables.image_points, "trajectory": tables.trajectory}
     named["control_points"] = tables.control
-    surveyed = set(tables.control.text["point"])
-    names = tables.image_points.text["point"]
-    own = np.array([name in surveyed for name in names], dtype=bool)
-    tables = replace(tables, image_points=tables.image_points.select(own))
-    if not own.any():
+    if not measured_control(tables).any():
         return
     with np.errstate(all="ignore"):  # wrong positions may have no convergence
         block = assemble(tables, setup)

@@ -32,7 +32,6 @@ from acx4files.flight.toml_file import (
     is_number,
     is_text,
     known_names,
-    name_problems,
     no_problems,
     number,
     numbers,
@@ -361,7 +360,7 @@ FLIGHT = Table(
             "must be true or false",
             lambda value: isinstance(value, bool),
         ),
-        "cameras": Tables(of=CAMERA, whole=_whole_problems, named=name_problems),
+        "cameras": Tables(of=CAMERA, whole=_whole_problems),
         "synthetic": Table(
             keys={
                 "camera": Value("name of a camera", no_problems),

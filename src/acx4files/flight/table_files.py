@@ -29,7 +29,7 @@ from acx4files.flight.problems import (
     quoted,
     whole,
 )
-from acx4files.flight.tables import Schema, Table, faulty, form_of, numbers_of
+from acx4files.flight.tables import Schema, Table, form_of, name_fault, numbers_of
 from acx4lib.expected import Array
 
 NO_END = "the last line has no line end; was the file cut off?"
@@ -246,7 +246,7 @@ def _number_problems(
 def _name_problems(
     table: Table, name: str, names: Sequence[str], *, may_be_empty: bool
 ) -> Iterator[Problem]:
-    faults = faulty(set(names))
+    faults = {cell: fault for cell in set(names) if cell and (fault := name_fault(cell))}
     if not may_be_empty:
         faults |= {cell: ("is empty", "must be a name") for cell in set(names) if not cell.strip()}
 
