@@ -20,6 +20,7 @@ from acx4files.flight.tables import SCHEMAS, SIGMA_ATTITUDE, SIGMA_POSITION, Tab
 from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.geodesy import MappingFrame, mean_origin
+from acx4lib.least_squares.covariance import GaussMarkov
 
 BLOCKS = ("heads", "calibration", "validation")
 TABLES = ("images", "image_points", "trajectory")
@@ -203,8 +204,12 @@ def _trajectory(table: Table, used: Mask, frame: MappingFrame, setup: Setup) -> 
         sigma_position=_sigma(table, SIGMA_POSITION, gnss)[used],
         sigma_attitude=np.radians(_sigma(table, SIGMA_ATTITUDE, ins)[used]),
         time_s=table.numbers.get("time_s", np.full(len(table), np.nan))[used],
-        slow_positions=apriori.slow_positions,
-        slow_attitudes=apriori.slow_attitudes,
+        slow_positions=GaussMarkov(
+            share=apriori.gnss_correlated_share, time_constant_s=apriori.gnss_correlation_s
+        ),
+        slow_attitudes=GaussMarkov(
+            share=apriori.attitude_correlated_share, time_constant_s=apriori.attitude_correlation_s
+        ),
     )
 
 

@@ -270,20 +270,19 @@ def _flight(
     local = setup.grid.is_local and "calibration" in assembled
     held = _unobserved_parts(assembled["calibration"]) if local else ()
     setup = replace(setup, fix=tuple(dict.fromkeys((*setup.fix, *held))))
-    notes = [*notes, *_vertical_notes(setup.grid), *area_notes(setup.grid, assembled)]
+    notes = [*notes, *crs_notes(setup.grid, assembled)]
     notes += [note for block in assembled.values() for note in _datum_notes(block)]
     notes += _held_notes(setup)
     for tables in blocks:
         notes += _control_notes(tables, assembled[tables.name])
     if not (setup.simulated or setup.grid.is_local or "refraction" in toml.table()):
         notes += _refraction_notes(setup, assembled)
-    files = {table.file: table.sha256 for tables in blocks for table in tables.tables}
-    files[toml.file] = toml.sha256
+    files: list[Table | Toml] = [*(t for tables in blocks for t in tables.tables), toml]
     return Flight(
         **{f.name: getattr(setup, f.name) for f in fields(setup)},
         path=toml.folder,
         pictures=blocks[0].pictures if blocks else toml.folder,
-        sha256={Path(f).relative_to(toml.folder).as_posix(): files[f] for f in files},
+        sha256={Path(f.file).relative_to(toml.folder).as_posix(): f.sha256 for f in files},
         blocks=assembled,
         trajectories={tables.name: tables.trajectory for tables in blocks},
         image_files={tables.name: _image_files(tables) for tables in blocks},
@@ -811,23 +810,16 @@ def _refraction_notes(setup: Setup, blocks: Mapping[str, Block]) -> Iterator[str
     )
 
 
-def _vertical_notes(grid: GridSystem) -> Iterator[str]:
-    """Yield a note on a CRS with heights of its own, where the flight's are ellipsoidal."""
-    if grid.is_local or grid.heights != "ellipsoidal":
+def crs_notes(grid: GridSystem, blocks: dict[str, Block]) -> Iterator[str]:
+    """Yield notes on a CRS with heights of its own, and on blocks far outside its area of use."""
+    if grid.is_local:
         return
     crs = pyproj.CRS.from_user_input(grid.crs)
-    if crs.is_compound:
+    if crs.is_compound and grid.heights == "ellipsoidal":
         yield (
             "heights are ellipsoidal, as heights in flight.toml says, and not those of "
             f"{grid.crs}, {crs.sub_crs_list[1].name}"
         )
-
-
-def area_notes(grid: GridSystem, blocks: dict[str, Block]) -> Iterator[str]:
-    """Yield a note on each block far outside the area of use of its CRS."""
-    if grid.is_local:
-        return
-    crs = pyproj.CRS.from_user_input(grid.crs)
     area = crs.area_of_use
     if area is None:
         return

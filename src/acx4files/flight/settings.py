@@ -49,7 +49,6 @@ from acx4lib.geometry.geodesy import (
     is_code_or_wkt,
 )
 from acx4lib.geometry.parameters import ATTITUDE, GNSS, Prior
-from acx4lib.least_squares.covariance import GaussMarkov
 from acx4lib.model import Model
 
 FORMAT = 6
@@ -199,18 +198,6 @@ class Apriori:
     gnss_correlated_share: float = 0.0
     attitude_correlation_s: float = 1.0
     attitude_correlated_share: float = 0.0
-
-    @property
-    def slow_positions(self) -> GaussMarkov:
-        """Time correlation of the errors of GNSS positions."""
-        share, constant = self.gnss_correlated_share, self.gnss_correlation_s
-        return GaussMarkov(share=share, time_constant_s=constant)
-
-    @property
-    def slow_attitudes(self) -> GaussMarkov:
-        """Time correlation of the errors of attitudes."""
-        share, constant = self.attitude_correlated_share, self.attitude_correlation_s
-        return GaussMarkov(share=share, time_constant_s=constant)
 
 
 _APRIORI = dict.fromkeys(defaults(Apriori), POSITIVE) | _SHARES
