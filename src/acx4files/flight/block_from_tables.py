@@ -28,9 +28,6 @@ SIGMA_CONTROL = (0.01, 0.01, 0.02)
 """East, north, height, m, of control points without sigma of their own."""
 
 
-MEASURE = "acx4 measure finds points in its pictures"
-"""Where image points come from in a block that has its pictures."""
-
 NOWHERE = (0.0, 0.0, 1e6)
 """Position in the mapping frame, m, for a surveyed point that the CRS does not cover. No camera
 looks so far up, so the point is rejected as a gross error."""
@@ -57,13 +54,13 @@ class BlockTables:
         """Problems of all tables; heads with a picture each need no measurement."""
         files = self.images.text.get("file", ())
         pictured = bool(files) and all(files)
-        found = []
+        found, cure = [], "acx4 measure finds points in its pictures"
         for table in self.tables:
             for problem in table.problems:
                 if not (pictured and table is self.image_points and problem.found == NO_ROWS):
                     found.append(problem)
                 elif self.name != "heads":
-                    found.append(replace(problem, expected=f"{problem.expected}; {MEASURE}"))
+                    found.append(replace(problem, expected=f"{problem.expected}; {cure}"))
         return tuple(found)
 
     @cached_property

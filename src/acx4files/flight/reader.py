@@ -697,13 +697,6 @@ def _surveyed_rays(tables: BlockTables) -> tuple[Index, Index]:
 # --- Notes on strange positions of points; they are no reason to refuse the flight
 
 
-ABSURD = 4.0
-"""Distance from the measurements, in quarters of the image diagonal: far outside the image."""
-
-BESIDE_DEG = 3.0
-"""Allowed distance from the area of use of a CRS: zones are used beyond their borders."""
-
-
 def _without_single_rows(tables: BlockTables, grid: GridSystem) -> BlockTables:
     """Drop single control points outside the CRS, or above all exposures that see them.
 
@@ -731,10 +724,8 @@ def _without_single_rows(tables: BlockTables, grid: GridSystem) -> BlockTables:
 def _control_notes(tables: BlockTables, block: Block) -> Iterator[str]:
     """Yield a note on surveyed points that project far from their measurements."""
     seen, ratio = misses(block)
-    far = {
-        block.points[i]
-        for i in seen.points[medians(ratio, seen.point_idx, len(seen.points)) > ABSURD]
-    }
+    absurd = medians(ratio, seen.point_idx, len(seen.points)) > 4.0  # far outside the image
+    far = {block.points[i] for i in seen.points[absurd]}
     control = tables.control
     line = {p: n for p, n in zip(control.text["point"], control.lines, strict=True) if p in far}
     if line:
@@ -858,9 +849,12 @@ def holds(
     lon: float,
     lat: float,
     *,
-    beside_deg: float = BESIDE_DEG,
+    beside_deg: float = 3.0,
 ) -> bool:
-    """Tell whether a position lies in an area or near it; the area may cross the date line."""
+    """Tell whether a position lies in an area or near it; the area may cross the date line.
+
+    Zones are used beyond their borders.
+    """
     west, south, east, north = bounds
     wide = (east - west) % 360 or 360.0
     along = (lon - west + beside_deg) % 360

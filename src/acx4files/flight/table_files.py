@@ -32,8 +32,6 @@ from acx4files.flight.problems import (
 from acx4files.flight.tables import Schema, Table, form_of, name_fault, numbers_of
 from acx4lib.expected import Array
 
-NO_END = "the last line has no line end; was the file cut off?"
-
 
 def read_columns(
     path: Path,
@@ -74,7 +72,8 @@ def read_columns(
     notes = [*_extra_notes(file, header, schema)]
     if blank := len(rows) - used:
         notes.append(f"{file}: {blank} blank line{'s' * (blank > 1)} at the end")
-    notes += [] if text.endswith("\n") else [f"{file}: {NO_END}"]
+    if not text.endswith("\n"):
+        notes.append(f"{file}: the last line has no line end; was the file cut off?")
     problems += tuple(width_problems(file, lines[1:used], widths[1:used], len(header)))
     table = Table(
         file=file,
