@@ -65,7 +65,9 @@ def read_columns(
     wanted = {name: header.index(name) for name in schema.known if name in header}
     if problems and not wanted.keys() & set(schema.required):
         return Table(file=file, problems=problems, whole=False)
-    widths = [len(row) if any(map(str.strip, row)) else 0 for row in rows]
+    widths = [
+        len(row) if row and (row[0].strip() or any(map(str.strip, row))) else 0 for row in rows
+    ]
     used = int(np.flatnonzero(widths)[-1]) + 1
     good = [k for k in range(1, used) if widths[k] == len(header)]
     cells = {name: [rows[k][column] for k in good] for name, column in wanted.items()}
@@ -86,13 +88,14 @@ def read_columns(
     return checked(table, cells, schema)
 
 
-def _rows_of(text: str, file: str) -> tuple[list[list[str]], list[int], tuple[Problem, ...]]:
+def _rows_of(text: str, file: str) -> tuple[list[tuple[str, ...]], list[int], tuple[Problem, ...]]:
     """Return the rows of a table, the header first, their lines, and why it is no table."""
     reader = csv.reader(io.StringIO(text, newline=""), strict=True)
-    rows, lines = [], [1]
+    rows: list[tuple[str, ...]] = []
+    lines = [1]
     try:
         for row in reader:
-            rows.append(row)
+            rows.append(tuple(row))  # lists would be walked by each garbage collection
             lines.append(reader.line_num + 1)
     except csv.Error as error:
         fault = f"cannot be read as a table ({error})"
