@@ -617,22 +617,6 @@ def _whereabouts(block: Block) -> str:
 # --- Readings of a flight that is not refused, compared by an adjustment
 
 
-BETTER, CERTAIN = 2.0, 5.0
-"""Ratio of the given reading's misfit to another's below which no other reading is named, and the
-logarithm of this ratio, in its standard deviations.
-
-Every exposure has two independent components of attitude or more, and the quantile of the misfit
-needs about twice the data that a standard deviation needs: n exposures are worth n degrees of
-freedom, and the logarithm of a ratio of two has the standard deviation 1 / sqrt(n).
-"""
-
-FITTED, FITTED_CERTAIN = 1.5, 2.5
-"""The same for readings with an estimated number, of which there are seven and not a hundred."""
-
-ALIKE = 1.25
-"""Ratio of misfits below which the simpler of two readings is named."""
-
-
 class Found(NamedTuple):
     """A reading with a much smaller misfit than the given reading.
 
@@ -730,16 +714,20 @@ def notes(flight: Any) -> Iterator[str]:
 
 def _alike(misfits: Sequence[float]) -> Index:
     """Return the places of those about as good as the best, the simplest first."""
-    return np.flatnonzero(np.array(misfits) <= ALIKE * min(misfits, default=0.0))
+    return np.flatnonzero(np.array(misfits) <= 1.25 * min(misfits, default=0.0))
 
 
 def _best(fits: list[_Fit], given: Mounted, seen: Sightings) -> Found | None:
     """Return the simplest of the best readings, if much better than the given reading."""
     camera, n = seen.cameras[0], len(seen.exposures)
     floor = 0.25 * camera.pixel_mm / camera.interior.f  # misfit that no reading can explain
+    # Every exposure has two independent components of attitude or more, and the quantile of the
+    # misfit needs about twice the data that a standard deviation needs: n exposures are worth n
+    # degrees of freedom, and the logarithm of a ratio of two misfits has the standard deviation
+    # 1 / sqrt(n). There are a hundred readings, but only seven with an estimated number.
     good = []
     for fit in fits:
-        least, certain = (BETTER, CERTAIN) if fit[1].moves is STILL else (FITTED, FITTED_CERTAIN)
+        least, certain = (2.0, 5.0) if fit[1].moves is STILL else (1.5, 2.5)
         better = max(least, np.exp(certain / np.sqrt(n)))
         if better * (fit[0].misfit + floor) < given.misfit + floor:
             good.append(fit)
@@ -860,9 +848,6 @@ def _usual(sigma: Array) -> float:
 # adjustment.
 
 
-QUANTILE, NORMAL = 0.75, 1.1503
-"""Quantile of the misfits that defines their size, and its value in the normal distribution."""
-
 N_MOUNT, N_LENS = 6, 8
 N_CAMERA = N_MOUNT + N_LENS
 """Columns of a camera: turn, lever arm, then f, xp, yp, k1, k2, k3, p1, p2."""
@@ -892,10 +877,6 @@ class Mounted:
     sizes: Array = field(default_factory=lambda: np.zeros(0))
     misfit: float = np.inf
     held: bool = False
-
-
-AHEAD = Pose(R=np.eye(3), r=np.zeros(3))
-"""Pose whose axes are the camera's."""
 
 
 def mounted(seen: Sightings, T_m_b: Pose, moves: Moves = STILL) -> Mounted:
@@ -935,11 +916,11 @@ def started(seen: Sightings, T_m_b: Pose) -> Mounted:
     T_m_b : Pose
         One per exposure.
     """
-    body = T_m_b[seen.exposure_idx]
+    body, ahead = T_m_b[seen.exposure_idx], Pose(R=np.eye(3), r=np.zeros(3))
     ray_c, cameras = np.empty((len(seen), 3)), list(seen.cameras)
     for k, camera in enumerate(cameras):
         mine = seen.camera_idx == k
-        ray_c[mine] = rays(camera, AHEAD, seen.colrow[mine])
+        ray_c[mine] = rays(camera, ahead, seen.colrow[mine])
         rows = np.flatnonzero(mine & np.isfinite(seen.x_m[seen.point_idx, 0]))
         if len(rows) < 3:
             continue
@@ -1006,7 +987,8 @@ def size(v: Array) -> float:
         Radians; NaN counts as infinite.
     """
     u = np.nan_to_num(np.abs(v), nan=np.inf)
-    each = np.quantile(u, QUANTILE, axis=0, method="higher") / NORMAL
+    # The third quartile of the absolute values of a normal distribution is 1.1503.
+    each = np.quantile(u, 0.75, axis=0, method="higher") / 1.1503
     return float(np.sqrt(np.mean(each**2)))
 
 

@@ -37,7 +37,6 @@ from acx4files.flight.toml_file import (
     choice,
     defaults,
     is_number,
-    name_problems,
     number,
     numbers,
     read_toml,
@@ -602,7 +601,7 @@ _POINTS = Table(
 _BLOCK: Entries = {
     "tie_points": number(Range(0, 20_000, "must be a whole number up to 20000", whole=True)),
     "tie_area_m": numbers(2, POSITIVE),
-    "strips": Tables(of=_STRIP, whole=_strips_problems, named=name_problems),
+    "strips": Tables(of=_STRIP, whole=_strips_problems),
 }
 _CALIBRATION = Table(keys=_BLOCK, required=("strips",), default={"tie_points": 0})
 

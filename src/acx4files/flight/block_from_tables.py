@@ -20,15 +20,13 @@ from acx4files.flight.tables import SCHEMAS, SIGMA_ATTITUDE, SIGMA_POSITION, Tab
 from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.geodesy import MappingFrame, mean_origin
+from acx4lib.least_squares.covariance import GaussMarkov
 
 BLOCKS = ("heads", "calibration", "validation")
 TABLES = ("images", "image_points", "trajectory")
 SIGMA_CONTROL = (0.01, 0.01, 0.02)
 """East, north, height, m, of control points without sigma of their own."""
 
-
-MEASURE = "acx4 measure finds points in its pictures"
-"""Where image points come from in a block that has its pictures."""
 
 NOWHERE = (0.0, 0.0, 1e6)
 """Position in the mapping frame, m, for a surveyed point that the CRS does not cover. No camera
@@ -56,13 +54,13 @@ class BlockTables:
         """Problems of all tables; heads with a picture each need no measurement."""
         files = self.images.text.get("file", ())
         pictured = bool(files) and all(files)
-        found = []
+        found, cure = [], "acx4 measure finds points in its pictures"
         for table in self.tables:
             for problem in table.problems:
                 if not (pictured and table is self.image_points and problem.found == NO_ROWS):
                     found.append(problem)
                 elif self.name != "heads":
-                    found.append(replace(problem, expected=f"{problem.expected}; {MEASURE}"))
+                    found.append(replace(problem, expected=f"{problem.expected}; {cure}"))
         return tuple(found)
 
     @cached_property
@@ -203,8 +201,12 @@ def _trajectory(table: Table, used: Mask, frame: MappingFrame, setup: Setup) -> 
         sigma_position=_sigma(table, SIGMA_POSITION, gnss)[used],
         sigma_attitude=np.radians(_sigma(table, SIGMA_ATTITUDE, ins)[used]),
         time_s=table.numbers.get("time_s", np.full(len(table), np.nan))[used],
-        slow_positions=apriori.slow_positions,
-        slow_attitudes=apriori.slow_attitudes,
+        slow_positions=GaussMarkov(
+            share=apriori.gnss_correlated_share, time_constant_s=apriori.gnss_correlation_s
+        ),
+        slow_attitudes=GaussMarkov(
+            share=apriori.attitude_correlated_share, time_constant_s=apriori.attitude_correlation_s
+        ),
     )
 
 

@@ -176,10 +176,8 @@ class Range:
         return self.says or f"must lie between {self.low:g} and {self.high:g}"
 
 
-TINY = 1e-9
-"""Smallest standard deviation that gives an adjustment a useful weight."""
-
-POSITIVE = Range(TINY, 1e6, "must be positive, at most 1e6")
+# A smaller standard deviation gives an adjustment no useful weight.
+POSITIVE = Range(1e-9, 1e6, "must be positive, at most 1e6")
 NOT_NEGATIVE = Range(0.0, 1e6, "must be zero or positive, at most 1e6")
 ANGLE = Range(-360.0, 360.0)
 METRES = Range(-1e8, 1e8)

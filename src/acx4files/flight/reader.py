@@ -270,20 +270,19 @@ def _flight(
     local = setup.grid.is_local and "calibration" in assembled
     held = _unobserved_parts(assembled["calibration"]) if local else ()
     setup = replace(setup, fix=tuple(dict.fromkeys((*setup.fix, *held))))
-    notes = [*notes, *_vertical_notes(setup.grid), *area_notes(setup.grid, assembled)]
+    notes = [*notes, *crs_notes(setup.grid, assembled)]
     notes += [note for block in assembled.values() for note in _datum_notes(block)]
     notes += _held_notes(setup)
     for tables in blocks:
         notes += _control_notes(tables, assembled[tables.name])
     if not (setup.simulated or setup.grid.is_local or "refraction" in toml.table()):
         notes += _refraction_notes(setup, assembled)
-    files = {table.file: table.sha256 for tables in blocks for table in tables.tables}
-    files[toml.file] = toml.sha256
+    files: list[Table | Toml] = [*(t for tables in blocks for t in tables.tables), toml]
     return Flight(
         **{f.name: getattr(setup, f.name) for f in fields(setup)},
         path=toml.folder,
         pictures=blocks[0].pictures if blocks else toml.folder,
-        sha256={Path(f).relative_to(toml.folder).as_posix(): files[f] for f in files},
+        sha256={Path(f.file).relative_to(toml.folder).as_posix(): f.sha256 for f in files},
         blocks=assembled,
         trajectories={tables.name: tables.trajectory for tables in blocks},
         image_files={tables.name: _image_files(tables) for tables in blocks},
@@ -314,11 +313,7 @@ def _fit_problems(tables: BlockTables, setup: Setup, toml: Toml) -> Iterator[Pro
     """Yield surveyed points that do not project near their measurements, and the likely mistake."""
     named = {"image_points": tables.image_points, "trajectory": tables.trajectory}
     named["control_points"] = tables.control
-    surveyed = set(tables.control.text["point"])
-    names = tables.image_points.text["point"]
-    own = np.array([name in surveyed for name in names], dtype=bool)
-    tables = replace(tables, image_points=tables.image_points.select(own))
-    if not own.any():
+    if not measured_control(tables).any():
         return
     with np.errstate(all="ignore"):  # wrong positions may have no convergence
         block = assemble(tables, setup)
@@ -702,13 +697,6 @@ def _surveyed_rays(tables: BlockTables) -> tuple[Index, Index]:
 # --- Notes on strange positions of points; they are no reason to refuse the flight
 
 
-ABSURD = 4.0
-"""Distance from the measurements, in quarters of the image diagonal: far outside the image."""
-
-BESIDE_DEG = 3.0
-"""Allowed distance from the area of use of a CRS: zones are used beyond their borders."""
-
-
 def _without_single_rows(tables: BlockTables, grid: GridSystem) -> BlockTables:
     """Drop single control points outside the CRS, or above all exposures that see them.
 
@@ -736,10 +724,8 @@ def _without_single_rows(tables: BlockTables, grid: GridSystem) -> BlockTables:
 def _control_notes(tables: BlockTables, block: Block) -> Iterator[str]:
     """Yield a note on surveyed points that project far from their measurements."""
     seen, ratio = misses(block)
-    far = {
-        block.points[i]
-        for i in seen.points[medians(ratio, seen.point_idx, len(seen.points)) > ABSURD]
-    }
+    absurd = medians(ratio, seen.point_idx, len(seen.points)) > 4.0  # far outside the image
+    far = {block.points[i] for i in seen.points[absurd]}
     control = tables.control
     line = {p: n for p, n in zip(control.text["point"], control.lines, strict=True) if p in far}
     if line:
@@ -815,23 +801,16 @@ def _refraction_notes(setup: Setup, blocks: Mapping[str, Block]) -> Iterator[str
     )
 
 
-def _vertical_notes(grid: GridSystem) -> Iterator[str]:
-    """Yield a note on a CRS with heights of its own, where the flight's are ellipsoidal."""
-    if grid.is_local or grid.heights != "ellipsoidal":
+def crs_notes(grid: GridSystem, blocks: dict[str, Block]) -> Iterator[str]:
+    """Yield notes on a CRS with heights of its own, and on blocks far outside its area of use."""
+    if grid.is_local:
         return
     crs = pyproj.CRS.from_user_input(grid.crs)
-    if crs.is_compound:
+    if crs.is_compound and grid.heights == "ellipsoidal":
         yield (
             "heights are ellipsoidal, as heights in flight.toml says, and not those of "
             f"{grid.crs}, {crs.sub_crs_list[1].name}"
         )
-
-
-def area_notes(grid: GridSystem, blocks: dict[str, Block]) -> Iterator[str]:
-    """Yield a note on each block far outside the area of use of its CRS."""
-    if grid.is_local:
-        return
-    crs = pyproj.CRS.from_user_input(grid.crs)
     area = crs.area_of_use
     if area is None:
         return
@@ -870,9 +849,12 @@ def holds(
     lon: float,
     lat: float,
     *,
-    beside_deg: float = BESIDE_DEG,
+    beside_deg: float = 3.0,
 ) -> bool:
-    """Tell whether a position lies in an area or near it; the area may cross the date line."""
+    """Tell whether a position lies in an area or near it; the area may cross the date line.
+
+    Zones are used beyond their borders.
+    """
     west, south, east, north = bounds
     wide = (east - west) % 360 or 360.0
     along = (lon - west + beside_deg) % 360

@@ -32,7 +32,6 @@ from acx4files.flight.toml_file import (
     is_number,
     is_text,
     known_names,
-    name_problems,
     no_problems,
     number,
     numbers,
@@ -50,7 +49,6 @@ from acx4lib.geometry.geodesy import (
     is_code_or_wkt,
 )
 from acx4lib.geometry.parameters import ATTITUDE, GNSS, Prior
-from acx4lib.least_squares.covariance import GaussMarkov
 from acx4lib.model import Model
 
 FORMAT = 6
@@ -201,18 +199,6 @@ class Apriori:
     attitude_correlation_s: float = 1.0
     attitude_correlated_share: float = 0.0
 
-    @property
-    def slow_positions(self) -> GaussMarkov:
-        """Time correlation of the errors of GNSS positions."""
-        share, constant = self.gnss_correlated_share, self.gnss_correlation_s
-        return GaussMarkov(share=share, time_constant_s=constant)
-
-    @property
-    def slow_attitudes(self) -> GaussMarkov:
-        """Time correlation of the errors of attitudes."""
-        share, constant = self.attitude_correlated_share, self.attitude_correlation_s
-        return GaussMarkov(share=share, time_constant_s=constant)
-
 
 _APRIORI = dict.fromkeys(defaults(Apriori), POSITIVE) | _SHARES
 _QUOTED = text("must be text in quotes")
@@ -361,7 +347,7 @@ FLIGHT = Table(
             "must be true or false",
             lambda value: isinstance(value, bool),
         ),
-        "cameras": Tables(of=CAMERA, whole=_whole_problems, named=name_problems),
+        "cameras": Tables(of=CAMERA, whole=_whole_problems),
         "synthetic": Table(
             keys={
                 "camera": Value("name of a camera", no_problems),

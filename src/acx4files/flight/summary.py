@@ -37,11 +37,9 @@ def summary(flight: Flight) -> str:
 
 
 def _session(session: Session) -> Iterator[str]:
-    celsius = session.temperature_c
-    degrees = [f"{celsius:g} °C"] if np.isfinite(celsius) else []
-    dates = [f"{session.date}"] if session.date else []
-    if degrees or dates:
-        yield ", ".join([*dates, *degrees])
+    degrees = f"{session.temperature_c:g} °C" if np.isfinite(session.temperature_c) else ""
+    if said := [str(one) for one in (session.date, degrees) if one]:
+        yield ", ".join(said)
 
 
 def _system(grid: GridSystem) -> str:

@@ -29,10 +29,8 @@ from acx4files.flight.problems import (
     quoted,
     whole,
 )
-from acx4files.flight.tables import Schema, Table, faulty, form_of, numbers_of
+from acx4files.flight.tables import Schema, Table, form_of, name_fault, numbers_of
 from acx4lib.expected import Array
-
-NO_END = "the last line has no line end; was the file cut off?"
 
 
 def read_columns(
@@ -73,7 +71,8 @@ def read_columns(
     notes = [*_extra_notes(file, header, schema)]
     if blank := len(widths) - used:
         notes.append(f"{file}: {blank} blank line{'s' * (blank > 1)} at the end")
-    notes += [] if text.endswith("\n") else [f"{file}: {NO_END}"]
+    if not text.endswith("\n"):
+        notes.append(f"{file}: the last line has no line end; was the file cut off?")
     problems += tuple(width_problems(file, lines, widths[:used], len(header)))
     return replace(
         checked(replace(table, problems=problems, notes=tuple(notes)), cells, schema),
@@ -268,7 +267,7 @@ def _number_problems(
 def _name_problems(
     table: Table, name: str, names: Sequence[str], *, may_be_empty: bool
 ) -> Iterator[Problem]:
-    faults = faulty(set(names))
+    faults = {cell: fault for cell in set(names) if cell and (fault := name_fault(cell))}
     if not may_be_empty:
         faults |= {cell: ("is empty", "must be a name") for cell in set(names) if not cell.strip()}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -194,11 +194,6 @@ def name_fault(name: str) -> tuple[str, str] | None:
         fault = f"{quoted(name)} would be computed as a formula by a spreadsheet"
         return fault, "must not begin with =, @, or with + or - unless it is a number"
     return None
-
-
-def faulty(names: Collection[str]) -> dict[str, tuple[str, str]]:
-    """Return the names that cannot be used, with the results of `name_fault`; not empty ones."""
-    return {name: fault for name in names if name and (fault := name_fault(name))}
 
 
 # --- Numbers as text

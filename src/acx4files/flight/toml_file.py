@@ -311,13 +311,10 @@ class Tables:
     of : Table
     whole : Rule
         Yields the problems of all together; if there are any, single tables are not checked.
-    named : Rule
-        Yields the problems of the name of a table.
     """
 
     of: Table
     whole: Rule = no_problems
-    named: Rule = no_problems
 
     def problems(self, toml: Toml, keys: Keys) -> Iterator[Problem]:
         """Yield the problems of the tables, their names and their values."""
@@ -326,7 +323,8 @@ class Tables:
             wrong = [toml.problem(keys, quoted(toml.get(*keys)), "must be a table")]
         yield from wrong
         for name in () if wrong else toml.table(*keys):
-            yield from self.named(toml, (*keys, name))
+            if fault := name_fault(name) if name.strip() else ("is empty", "must be a name"):
+                yield toml.problem((*keys, name), *fault)
             yield from self.of.problems(toml, (*keys, name))
 
 
@@ -372,12 +370,6 @@ def is_number(value: object) -> bool:
 def is_text(value: object) -> bool:
     """Tell whether a value of a document is text that is not blank."""
     return isinstance(value, str) and bool(value.strip())
-
-
-def name_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
-    """Yield the problem of the name of a table."""
-    if fault := name_fault(keys[-1]) if keys[-1].strip() else ("is empty", "must be a name"):
-        yield toml.problem(keys, *fault)
 
 
 def _key_problems(

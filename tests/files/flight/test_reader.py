@@ -553,7 +553,7 @@ def area_notes(design, crs):
     """Return what is said of a CRS for a flight of the simulator."""
     read = fly(design, seed=1).flight
     grid = GridSystem(crs=crs)
-    return list(reader.area_notes(grid, read.blocks))
+    return list(reader.crs_notes(grid, read.blocks))
 
 
 def test_a_crs_of_another_country_is_a_note_with_both_places():
