@@ -686,18 +686,17 @@ def best_reading(flight: Any, block_name: str) -> Found | None:
         case = _case(block, flight.trajectories[block_name], seen)
         given = mounted(seen, case.T_m_b)
         sigma = np.linalg.norm(list(stated(block, seen, given).values()))
-        if 1 / OFF < given.misfit / sigma < 1.4:  # as stated
-            return other_unit(block, seen, given)
+        as_stated = 1 / OFF < given.misfit / sigma < 1.4  # then only half of it is looked for
         tried = [*case.tried(_readings(case))]
         misfits = [started(others, T_m_b).misfit for _, others, T_m_b in tried]
-        promising = 1.1 * started(seen, case.T_m_b).misfit
+        promising = (0.5 if as_stated else 1.1) * started(seen, case.T_m_b).misfit
         limit = min(promising, max(sorted(misfits)[:12], default=0.0))
         fits = [
             (mounted(others, T_m_b), reading, others, T_m_b)
             for (reading, others, T_m_b), misfit in zip(tried, misfits, strict=True)
             if misfit <= limit
         ]
-        if np.isfinite(given.misfit):
+        if np.isfinite(given.misfit) and not as_stated:
             numbered = _numbered(block, seen, case.T_m_b)
             fitted = [(mounted(seen, case.T_m_b, r.moves), r, seen, case.T_m_b) for r in numbered]
             fits += sorted(fitted, key=lambda fit: fit[0].misfit)
