@@ -28,18 +28,18 @@ WHAT = ("code", "lines", "names")
 PAGES = ("book/_ext", "book/_moving", "book/_static")
 
 RATCHET = {
-    "src code": 48_958,
+    "src code": 48_957,
     "src names": 1_981,
     "src/acx4 code": 32,
     "src/acx4book code": 20_711,
     "src/acx4book names": 719,
-    "src/acx4files code": 13_486,
+    "src/acx4files code": 13_485,
     "src/acx4files names": 485,
     "src/acx4lib code": 12_144,
     "src/acx4lib names": 693,
     "src/acx4sim code": 2_585,
     "src/acx4sim names": 84,
-    "tests lines": 50_571,
+    "tests lines": 50_573,
     "commands": 26,
     "options": 129,
     "pages lines": 1_846,
