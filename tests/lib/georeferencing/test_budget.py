@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy import stats
 
 from acx4lib.block import Block, ImagePoints, Images, Trajectory
 from acx4lib.bundle.unknowns import layout
@@ -202,6 +203,28 @@ def test_each_source_is_what_its_errors_alone_give(found, rig, calibration, meas
             factor = 1 if a == b else 2
             expected = factor * np.einsum("nip,pq,niq->ni", J * in_a, calibration.cov, J * in_b)
             assert_allclose(of(split, name), expected, rtol=2e-3, atol=1e-8)
+
+
+def test_drawn_errors_scatter_as_predicted(found, rig, calibration, measured):
+    """Monte Carlo: all errors drawn at once; 99.9 % bounds of every coordinate's variance."""
+    sigma, draws, rng = found[1].sigma, 120, np.random.default_rng(11)
+    exact = blocks.SEEN
+    n = len(rig.trajectory)
+    body = np.linalg.cholesky(rig.trajectory.cov)
+    half = np.linalg.cholesky(calibration.cov)
+    z = []
+    for _ in range(draws):
+        noise = np.einsum("nij,nj->ni", body, rng.normal(size=(n, 6))).ravel()
+        block = blocks.moved_trajectory(rig, noise)
+        known = blocks.moved_calibration(calibration, half @ rng.normal(size=20))
+        at = measured.colrow + rng.normal(size=measured.colrow.shape) * measured.sigma_px[:, None]
+        x_m = direct.intersect_rays(
+            block, direct.georeference(block, known), replace(measured, colrow=at)
+        ).x_m
+        z.append((x_m - exact) / sigma)
+    low, high = stats.chi2.ppf([0.0005, 0.9995], draws) / draws
+    among = np.mean(np.square(z), axis=0)
+    assert np.all((low < among) & (among < high)), among
 
 
 def test_a_point_of_one_image_has_no_budget(rig, calibration):

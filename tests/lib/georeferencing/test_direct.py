@@ -520,3 +520,30 @@ def test_given_cameras_and_no_points(sources, rng):
     nothing = sharing_one_shift(0, own_m=0.05, shared_m=0.10)
     assert error_sources.chi_square(nothing, np.zeros((0, 3))) == 0.0
     assert np.isnan(error_sources.mean_covariance(nothing)).all()
+
+
+def test_scatter_of_noisy_intersections_is_the_stated_covariance(rig, calibration):
+    """Two rays of one point, 4000 times: sampling leaves 1 / sqrt(2 * 4000) = 1.1 % of a sigma."""
+    points = rig.image_points
+    rows = np.flatnonzero(points.point_idx == 0)[[0, -1]]
+    rng = np.random.default_rng(3)
+    n = 4000
+    noise = rng.normal(0, 0.5, (n, 2, 2))
+    rays = Rays(
+        image_idx=np.tile(points.image_idx[rows], n),
+        group=np.repeat(np.arange(n), 2),
+        colrow=(points.colrow[rows] + noise).reshape(-1, 2),
+        sigma_px=np.full(2 * n, 0.5),
+    )
+    none = replace(
+        rig,
+        trajectory=replace(
+            rig.trajectory,
+            sigma_position=np.zeros((6, 3)),
+            sigma_attitude=np.zeros((6, 3)),
+        ),
+    )
+    found = intersect_rays(none, georeference(none, given(rig.cameras)), rays)
+    scatter = np.cov(found.x_m.T)
+    assert_allclose(np.sqrt(np.diag(scatter)), np.sqrt(np.diag(found.cov.mean(axis=0))), rtol=0.04)
+    assert np.linalg.norm(found.x_m.mean(axis=0) - POINTS[0]) < 0.02
