@@ -136,7 +136,7 @@ def test_with_ten_times_as_many_tie_points_only_what_cannot_be_told_apart_is_mis
     found, estimates, errors = calibrated("acx4-ideal", seed=4, n_ties=5000)
     assert len(found.certain) > 700
     missed = found.certain - found.rejected
-    assert len(missed) <= 2
+    assert len(missed) <= 1
     # in their place another ray of the same point was taken out, and the rest agree
     assert {name[2] for name in missed} <= {name[2] for name in found.lost}
     assert of_other_kinds(found.rejected) == of_other_kinds(found.wrong)
@@ -178,7 +178,7 @@ def test_a_head_with_errors_that_let_no_adjustment_converge_is_still_cleaned(hea
     rejected = {r.row for r in found.rejected if r.kind == "image_point"}
     certain = {int(row) for row in wrong if block.rays[points.point_idx[row]] >= 4}
     assert len(certain - rejected) <= 1  # two wrong rays may agree with one another
-    assert len(rejected - set(wrong.tolist())) <= len(wrong) // 4  # right rays of a wrong point
+    assert len(rejected - set(wrong.tolist())) <= len(wrong) // 8
     assert all(r.kind == "image_point" for r in found.rejected)
     clean = adjust_rejecting(block, network).solution.sigma0_sq
     assert found.solution.sigma0_sq == pytest.approx(clean, abs=0.02)

@@ -7,7 +7,7 @@ Where the given values are far off, `recovered` turns cameras onto their control
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -424,6 +424,9 @@ DAMPING = (0.0, 1e-4, 1e-2, 1.0, 1e2, 1e4, 1e6)
 SUSPECT = 5.0
 """Residual, in spreads, above which an observation is suspected of a gross error."""
 
+PAIRS, POINT_STEPS = 1 << 20, 5
+"""Pairs of rays that are processed at a time, and steps of a point without one of its rays."""
+
 
 def robust_phase(
     network: Network, state: State, redundancy: Sequence[Array] | None = None
@@ -464,7 +467,7 @@ def robust_phase(
     for width in REDESCENDING_WIDTHS:
         loss = _Loss(_redescending, width, groups, shown)
         state, groups = _stepped(network, state, groups, loss)
-    return state
+    return _with_points_of_most_rays(network, state, groups[0])
 
 
 def _huber(u: Array) -> tuple[Array, Array]:
@@ -561,6 +564,94 @@ def _stepped(
         if loss.cost(trial_groups) <= cost:
             return trial, trial_groups
     return state, groups
+
+
+def _with_points_of_most_rays(network: Network, state: State, residuals: Residuals) -> State:
+    """Where a point has a wrong ray, try each of its rays as the wrong one; keep orientations.
+
+    Where few rays meet, reweighting finds a wrong ray only from suitable approximate values.
+    """
+    scale = spread(*residuals)
+    wrong = sizes(*residuals)[:, 0] > SUSPECT * scale
+    point = network.image_points.point_idx
+    rays = np.bincount(point, minlength=network.n_points)
+    doubtful = (np.bincount(point, wrong, minlength=network.n_points) > 0) & (rays > 2)
+    doubtful[network.control.point_idx] = False
+    rows = np.flatnonzero(doubtful[point])
+    if len(rows) == 0:
+        return state
+    doubtful_rays = replace(
+        network, image_points=network.image_points[rows], rows=network.rows[rows]
+    )
+    e = doubtful_rays.equations(state)[0]
+    unit, dx, cost = scale * e.sigma, np.zeros((len(rows), 3)), np.zeros(len(rows))
+    B, v = np.asarray(e.B) / unit[:, :, None], e.v / unit
+    for part in _parts(point[rows]):
+        dx[part], cost[part] = _without_each(B[part], v[part], point[rows[part]])
+    order = np.lexsort((cost, point[rows]))
+    points, first = np.unique(point[rows][order], return_index=True)
+    x_m = state.x_m.copy()
+    x_m[points] += dx[order[first]]
+    moved = replace(state, x_m=x_m)
+    # rays from one position do not determine their point; a step along them may be very large
+    better = _point_costs(doubtful_rays, moved, scale) < _point_costs(doubtful_rays, state, scale)
+    return replace(state, x_m=np.where(better[:, None], x_m, state.x_m))
+
+
+def _point_costs(network: Network, state: State, scale: float) -> Array:
+    """Return the cost of every point's rays, bounded for each ray, shape (n_points,)."""
+    v, sigma = network.residuals(state)[0]
+    u_sq = np.square(np.nan_to_num(sizes(v, sigma)[:, 0] / scale, nan=np.inf))
+    bounded = np.minimum(u_sq, SUSPECT**2)
+    bounded[np.isinf(u_sq)] = np.inf  # the point is behind a camera
+    total: Array = np.zeros(network.n_points)
+    np.add.at(total, network.image_points.point_idx, bounded)
+    return total
+
+
+def _parts(point: Index) -> Iterator[slice]:
+    """Yield the rays of whole points, in portions whose pairs fit into memory."""
+    starts = np.flatnonzero(np.diff(point, prepend=-1))
+    rays = np.diff(starts, append=len(point))
+    number = np.cumsum(rays**2) // PAIRS
+    first = starts[np.flatnonzero(np.diff(number, prepend=-1))]
+    for start, stop in zip(first, [*first[1:], len(point)], strict=True):
+        yield slice(int(start), int(stop))
+
+
+def _without_each(B: Array, v: Array, point: Index) -> tuple[Array, Array]:
+    """Return the steps of points and their costs if each ray, one at a time, is left out.
+
+    Parameters
+    ----------
+    B, v : ndarray, shape (n, 2, 3) and (n, 2)
+        Derivatives by the point and residuals, divided by sigma.
+    point : ndarray, shape (n,)
+        Sorted.
+
+    Returns
+    -------
+    dx : ndarray, shape (n, 3)
+    cost : ndarray, shape (n,)
+        Squared residuals, each at most `SUSPECT` squared.
+    """
+    _, first, point_idx, rays = np.unique(
+        point, return_index=True, return_inverse=True, return_counts=True
+    )
+    tried = np.repeat(np.arange(len(point)), rays[point_idx])
+    starts = np.flatnonzero(np.diff(tried, prepend=-1))
+    ray = first[point_idx[tried]] + np.arange(len(tried)) - starts[tried]
+    B, v = B[ray], v[ray]
+    weight = np.where(ray == tried, 0.0, 1.0)
+    for _ in range(POINT_STEPS):
+        BtP = np.swapaxes(B, 1, 2) * weight[:, None, None]
+        V = np.add.reduceat(BtP @ B, starts)
+        V += 1e-9 * np.trace(V, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+        h = np.add.reduceat(np.einsum("nij,nj->ni", BtP, v), starts)
+        dx = -np.linalg.solve(V, h[:, :, None])[:, :, 0]
+        u_sq = np.sum((v + np.einsum("nij,nj->ni", B, dx[tried])) ** 2, axis=1)
+        weight = np.square(1 / (1 + u_sq / REDESCENDING_WIDTHS[-1] ** 2))
+    return dx, np.add.reduceat(np.minimum(u_sq, SUSPECT**2), starts)
 
 
 # --- poses of exposures whose trajectory is not known: resections from control points ----------
