@@ -321,9 +321,6 @@ def fingerprint(path: Path) -> str:
 
 
 SCAN, END = 0xDA, 0xD9
-FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
-"""Markers of JPEG's frame headers."""
-
 LARGE = 65_536
 """Bytes at the end of a large JPEG; previews with an end of their own stand at its beginning."""
 
